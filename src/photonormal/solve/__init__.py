@@ -1,0 +1,47 @@
+"""Capture -> Normals. Every method is a callable ``(capture, device) -> Normals`` and one line of METHODS."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from photonormal.types import Capture, InputError, Normals
+
+METHODS = {  # name -> "module:Class", imported only when asked for
+    "woodham": "photonormal.solve.classical.woodham:Woodham",
+}
+
+DEFAULT = "woodham"
+
+
+def method_class(name: str) -> type:
+    """The class of a method; its fields are the method's options."""
+    if name not in METHODS:
+        raise InputError(f"no method {name!r}; choose from {', '.join(METHODS)}.")
+    module, cls = METHODS[name].split(":")
+    return getattr(import_module(module), cls)
+
+
+def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **options: Any) -> Normals:
+    """Normals of a capture.
+
+    Parameters
+    ----------
+    capture : photographs, mask and light directions
+    method : a key of METHODS
+    device : "auto", "cpu", "cuda" or any torch device
+    options : the method's fields, by name
+
+    Raises
+    ------
+    InputError
+        If the method or an option does not exist, or the capture can't be solved by it.
+    """
+    cls = method_class(method)
+    known = cls.__dataclass_fields__
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        raise InputError(f"{method} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}.")
+    from photonormal.solve.observations import torch_device
+
+    return cls(**options)(capture, torch_device(device))

@@ -1,0 +1,1 @@
+"""Networks that read a classical prior with every image."""

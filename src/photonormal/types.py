@@ -1,0 +1,189 @@
+"""The three values that pass between stages, and the only checks of them.
+
+Frame, everywhere: x right, y up, z towards the camera; orthographic view v = (0, 0, 1). Light directions point from the
+surface to the light. Images are linear radiance divided by the intensity of the light, per channel. Row 0 of an array is
+the top of the picture, so y runs against the row index.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+Image = Float[np.ndarray, "h w c"]  # linear radiance / light intensity, float32
+Lights = Float[np.ndarray, "n 3"]  # unit vectors, from the surface to the light
+Mask = Bool[np.ndarray, "h w"]  # True on the object
+NormalMap = Float[np.ndarray, "h w 3"]  # unit on the mask, zero outside
+DepthMap = Float[np.ndarray, "h w"]  # NaN outside the mask
+
+T = TypeVar("T")
+
+COPLANAR = 1000.0  # condition number of the lights above which three dimensions are not spanned in practice
+
+
+class InputError(ValueError):
+    """What the user gave can't be used. One line: what came, what was needed, what to do."""
+
+
+class Images(Protocol):
+    """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, index: int, /) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One view of an object under `n` distant lights.
+
+    Parameters
+    ----------
+    images : (n, h, w, c), c is 1 or 3; an array, or an object that decodes the pictures one by one
+    mask : (h, w) bool, True on the object
+    lights : (n, 3), any length but zero; kept as unit vectors. None: unknown
+    truth : the true normals, where they are known
+    saturation : (n, c) radiance at which a sample of each image is saturated. None: not known
+    name : what reports call the capture
+    image_names : the n pictures' names
+
+    Raises
+    ------
+    InputError
+        If sizes disagree, fewer than three images came, the mask is empty, a light is zero, not finite, or the lights
+        do not span three dimensions.
+    """
+
+    images: Images
+    mask: np.ndarray
+    lights: np.ndarray | None = None
+    truth: Normals | None = None
+    saturation: np.ndarray | None = field(default=None, repr=False)
+    name: str = "capture"
+    image_names: tuple[str, ...] = field(default=(), repr=False)
+
+    def __post_init__(self) -> None:
+        shape = tuple(self.images.shape)
+        if len(shape) != 4 or shape[3] not in (1, 3):
+            raise InputError(f"images are {shape} but (n, h, w, 1 or 3) is needed; stack pictures of one size.")
+        n, h, w, _ = shape
+        if n < 3:
+            raise InputError(f"{n} images came but normals need at least 3 under different lights; add photographs.")
+        if self.mask.shape != (h, w) or self.mask.dtype != bool:
+            raise InputError(
+                f"mask is {self.mask.shape} {self.mask.dtype} but images are {(h, w)}; "
+                "give a mask of the pictures' own size."
+            )
+        if not self.mask.any():
+            raise InputError("the mask is empty but at least one pixel must be on the object; white marks the object.")
+        if self.lights is not None:
+            object.__setattr__(self, "lights", unit_lights(self.lights, n))
+        if self.truth is not None and self.truth.map.shape != (h, w, 3):
+            raise InputError(
+                f"true normals are {self.truth.map.shape} but images are {(h, w)}; crop both with the same box."
+            )
+        if not self.image_names:
+            object.__setattr__(self, "image_names", tuple(f"image {j + 1}" for j in range(n)))
+
+    def known_lights(self) -> Lights:
+        """The light directions (n, 3), or an error that says that they are missing."""
+        if self.lights is None:
+            raise InputError(
+                f"{self.name} has no light directions but this method needs them; add light_directions.txt or an .lp."
+            )
+        return self.lights
+
+    def map_images(self, f: Callable[[int, Image], T]) -> list[T]:
+        """``f(j, image)`` of every image, in order; decoded by as many threads as there are cores."""
+        with ThreadPoolExecutor(cores()) as pool:
+            return list(pool.map(lambda j: f(j, self.images[j]), range(self.images.shape[0])))
+
+
+@dataclass(frozen=True)
+class Normals:
+    """Surface normals of one view.
+
+    Parameters
+    ----------
+    map : (h, w, 3) float32, unit inside `mask`, zero outside
+    mask : (h, w) bool, True where there is a normal; pixels that no light reached are not in it
+    """
+
+    map: np.ndarray
+    mask: np.ndarray
+
+    def __post_init__(self) -> None:
+        if self.map.shape != (*self.mask.shape, 3) or self.mask.dtype != bool:
+            raise InputError(
+                f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype}; "
+                "(h, w, 3) and (h, w) bool are needed."
+            )
+        length = np.linalg.norm(self.map[self.mask], axis=-1)
+        if not (np.abs(length - 1) < 1e-3).all():  # also catches NaN
+            raise InputError(
+                f"{int((~(np.abs(length - 1) < 1e-3)).sum())} normals inside the mask are not unit vectors; "
+                "normalise them or leave those pixels out of the mask."
+            )
+        object.__setattr__(self, "map", np.where(self.mask[..., None], self.map, 0).astype(np.float32))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Depth of one view.
+
+    Parameters
+    ----------
+    depth : (h, w) float, NaN outside `mask`. Orthographic (`K` None): height towards the camera in pixels, up to one
+        constant per connected part. Perspective: distance along the optical axis, in units of its mean
+    mask : (h, w) bool
+    K : (3, 3) camera matrix in pixels (x right, y down) of a perspective view, or None
+    """
+
+    depth: np.ndarray
+    mask: np.ndarray
+    K: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if self.depth.shape != self.mask.shape or self.mask.dtype != bool:
+            raise InputError(
+                f"depth is {self.depth.shape} and its mask {self.mask.shape} {self.mask.dtype}; one size is needed."
+            )
+        if self.K is not None and self.K.shape != (3, 3):
+            raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed.")
+
+
+def unit_lights(lights: Any, n: int) -> Lights:
+    """Light directions of `n` images as unit vectors (n, 3), float64; raises InputError where they can't be used."""
+    L = np.asarray(lights, dtype=np.float64)
+    if L.shape != (n, 3):
+        raise InputError(
+            f"lights are {L.shape} but {n} images need ({n}, 3): one direction for each image, in the same order."
+        )
+    length = np.linalg.norm(L, axis=1)
+    bad = np.flatnonzero(~(np.isfinite(length) & (length > 1e-12)))
+    if bad.size:
+        raise InputError(
+            f"light {bad[0] + 1} is {L[bad[0]].tolist()} but a finite direction that is not zero is needed; "
+            "correct it or leave that image out."
+        )
+    L = L / length[:, None]
+    s = np.linalg.svd(L, compute_uv=False)
+    condition = s[0] / max(s[2], 1e-300)
+    if condition > COPLANAR:
+        raise InputError(
+            f"the {n} lights lie in one plane (condition number {condition:.3g}, at most {COPLANAR:.0f} is usable); "
+            "add lights from other sides."
+        )
+    return L
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

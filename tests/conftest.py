@@ -1,0 +1,15 @@
+"""Fixtures shared by all tests."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(scope="session")
+def data() -> Path:
+    """Folder with real captures and ground truth (PHOTONORMAL_DATA, or ../shared/data beside the checkout)."""
+    folder = Path(os.environ.get("PHOTONORMAL_DATA", Path(__file__).parents[1] / ".." / "shared" / "data"))
+    if not folder.is_dir():
+        pytest.skip("no real captures here; set PHOTONORMAL_DATA")
+    return folder.resolve()

@@ -1,0 +1,71 @@
+"""DiLiGenT objects (Shi et al., TPAMI 2019).
+
+    ballPNG/
+        001.png .. 096.png          16-bit linear RGB, in the order of filenames.txt
+        filenames.txt               one name a line
+        light_directions.txt        96 x 3
+        light_intensities.txt       96 x 3, red green blue; each channel is divided by it
+        mask.png
+        Normal_gt.mat               variable Normal_gt (h, w, 3); optional
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.texts import read_directions, read_intensities, read_lines
+from photonormal.types import Capture, InputError
+
+NEEDED = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
+
+
+def matches(path: Path) -> bool:
+    """True for an object's folder, and for a folder of objects, which `read` answers with their names."""
+    return path.is_dir() and (all((path / name).is_file() for name in NEEDED) or bool(objects(path)))
+
+
+def objects(root: Path) -> list[Path]:
+    """Object folders of the benchmark, given `DiLiGenT`, `DiLiGenT/pmsData` or any folder of objects."""
+    for folder in (root / "pmsData", root):
+        if folder.is_dir():
+            found = [p for p in sorted(folder.iterdir()) if all((p / name).is_file() for name in NEEDED)]
+            if found:
+                return found
+    return []
+
+
+def read(path: Path, choice: Choice) -> Capture:
+    """One object; a folder of objects is an error that lists them."""
+    if not (path / NEEDED[0]).is_file() and (found := objects(path)):
+        raise InputError(
+            f"{path} holds {len(found)} objects but one is measured at a time; choose from "
+            f"{', '.join(str(p) for p in found)}."
+        )
+    names = read_lines(path / "filenames.txt")
+    return assemble(
+        name=path.resolve().name.removesuffix("PNG"),
+        paths=[path / name for name in names],
+        lights=read_directions(path / "light_directions.txt"),
+        intensities=read_intensities(path / "light_intensities.txt", len(names)),
+        mask=path / "mask.png" if (path / "mask.png").exists() else None,
+        truth=read_mat(path / "Normal_gt.mat") if (path / "Normal_gt.mat").exists() else None,
+        choice=choice,
+    )
+
+
+def read_mat(path: Path, variable: str = "Normal_gt") -> np.ndarray:
+    """A numeric array from a MATLAB file; nothing else in it is interpreted."""
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        value = loadmat(path, variable_names=[variable])[variable]
+    except (MatReadError, NotImplementedError, ValueError, TypeError, OSError, KeyError) as error:
+        reason = f"no variable {variable}" if isinstance(error, KeyError) else str(error).splitlines()[0]
+        raise InputError(f"{path} can't be read ({reason}); save {variable} as a version 7 .mat file.") from None
+    if value.dtype.kind not in "fiu" or value.ndim != 3 or value.shape[2] != 3:
+        raise InputError(f"{variable} in {path} is {value.dtype} {value.shape} but (h, w, 3) numbers are needed.")
+    return value.astype(np.float64)

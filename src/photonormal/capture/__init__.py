@@ -7,6 +7,8 @@ from pathlib import Path
 
 from photonormal.types import Capture, InputError
 
+DEMO = Path(__file__).parents[1] / "data" / "demo"  # a rendered capture with true normals, part of the package
+
 FORMATS = {  # name -> "module", with `matches(path)` and `read(path, choice)`; the first that matches reads
     "diligent": "photonormal.capture.diligent",
     "rti": "photonormal.capture.rti",
@@ -31,7 +33,7 @@ def load(
 
     Parameters
     ----------
-    path : folder of a capture, or an `.lp` file
+    path : folder of a capture, an `.lp` file, or "demo": the capture that comes with the package
     format : a key of FORMATS, or "auto": the first that fits what the folder holds
     images : subset by 1-based numbers, "1-10,15"; empty: all
     lights : file with light directions, instead of the capture's own
@@ -46,6 +48,8 @@ def load(
     from photonormal.capture.assemble import Choice
 
     path = Path(path)
+    if path == Path("demo") and not path.exists():
+        path = DEMO
     if not path.exists():
         raise InputError(f"{path} does not exist; give the folder of a capture or an .lp file.")
     if format != "auto" and format not in FORMATS:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from photonormal.types import Capture, InputError, Normals
+
+if TYPE_CHECKING:
+    import torch
 
 METHODS = {  # name -> "module:Class", imported only when asked for
     "woodham": "photonormal.solve.classical.woodham:Woodham",
@@ -20,6 +24,16 @@ def method_class(name: str) -> type:
         raise InputError(f"no method {name!r}; choose from {', '.join(METHODS)}.")
     module, cls = METHODS[name].split(":")
     return getattr(import_module(module), cls)
+
+
+def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], Normals]:
+    """A method with its options set; InputError names what exists where the method or an option does not."""
+    cls = method_class(method)
+    known = cls.__dataclass_fields__
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        raise InputError(f"{method} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}.")
+    return cls(**options)
 
 
 def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **options: Any) -> Normals:
@@ -37,11 +51,7 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     InputError
         If the method or an option does not exist, or the capture can't be solved by it.
     """
-    cls = method_class(method)
-    known = cls.__dataclass_fields__
-    unknown = sorted(set(options) - set(known))
-    if unknown:
-        raise InputError(f"{method} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}.")
+    solver = configure(method, **options)
     from photonormal.solve.observations import torch_device
 
-    return cls(**options)(capture, torch_device(device))
+    return solver(capture, torch_device(device))

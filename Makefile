@@ -1,0 +1,30 @@
+VENV ?= .venv
+PYTHON ?= python3
+READY := $(VENV)/.ready
+
+.PHONY: help demo test check clean
+
+help:
+	@echo "make demo   install, then measure the capture that comes with the package"
+	@echo "make test   install, then run the tests"
+	@echo "make check  what a change must pass: format, lint, types, tests"
+
+$(READY): pyproject.toml constraints.txt
+	@test -x $(VENV)/bin/python -a -e $(VENV)/bin/pip || $(PYTHON) -m venv $(VENV) || \
+		{ echo "python3 can't make an environment; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,train]'
+	@touch $@
+
+demo: $(READY)
+	$(VENV)/bin/photonormal measure demo --out demo-result
+	$(VENV)/bin/photonormal score demo demo-result
+	@echo "pictures: demo-result/preview.png (photograph, normals, relit, albedo, error), normals.png, mesh.ply"
+
+test: $(READY)
+	$(VENV)/bin/python -m pytest -q
+
+check: $(READY)
+	VENV=$(VENV) scripts/check
+
+clean:
+	rm -rf $(VENV) demo-result

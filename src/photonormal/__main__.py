@@ -1,0 +1,7 @@
+"""``python -m photonormal`` is the command line."""
+
+import sys
+
+from photonormal.cli import main
+
+sys.exit(main())

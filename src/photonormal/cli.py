@@ -1,0 +1,176 @@
+"""Dataclasses that become commands: parse, call, print. The work is elsewhere."""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from photonormal.types import InputError
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Normals, albedo, depth and mesh of one object from its photographs."""
+
+    capture: Positional[Path]
+    """Folder with photographs and lights, an .lp file, or `demo`: the capture that comes with photonormal."""
+    out: Path
+    """Folder for the results; it is written whole or not at all."""
+    method: str = "woodham"
+    """One of `photonormal methods`."""
+    device: str = "auto"
+    """auto, cpu or cuda."""
+    images: str = ""
+    """Subset of the photographs by number, such as 1-10,15; all by default."""
+    format: str = "auto"
+    """Layout of the capture, when its content does not tell: diligent, rti, folder, ..."""
+    lights: Path | None = None
+    """File with light directions, instead of the capture's own."""
+    mask: Path | None = None
+    """Mask picture, white on the object, instead of the capture's own."""
+    srgb: bool = False
+    """The photographs are sRGB-encoded, as camera JPEGs are, and have to be linearised."""
+    integration: str = "quadratic"
+    """How depth is found: simchony, quadratic or bilateral."""
+    camera: Path | None = None
+    """Text file with the 3 x 3 camera matrix in pixels, for a perspective surface."""
+    mesh: bool = True
+    """Write depth and mesh."""
+    overwrite: bool = False
+    """Write into a folder that exists and is no result of photonormal."""
+
+    def __call__(self) -> int:
+        from photonormal.measure import measure
+
+        report = measure(
+            self.capture,
+            self.out,
+            method=self.method,
+            device=self.device,
+            mesh=self.mesh,
+            overwrite=self.overwrite,
+            integration=self.integration,
+            camera=self.camera,
+            format=self.format,
+            images=self.images,
+            lights=self.lights,
+            mask=self.mask,
+            srgb=self.srgb,
+        )
+        for warning in report["warnings"]:
+            print(f"photonormal: warning: {warning}", file=sys.stderr)
+        seconds = sum(report["seconds"].values())
+        print(
+            f"{report['pixels']['measured']} normals from {report['lights']} photographs by {report['method']} "
+            f"in {seconds:.1f} s: {self.out}"
+        )
+        if "score" in report:
+            print(f"mean angular error {report['score']['mean_deg']:.2f} degrees against the true normals")
+        return 0
+
+
+@dataclass(frozen=True)
+class Score:
+    """Angular error of a result against the true normals of its capture."""
+
+    capture: Positional[Path]
+    """The capture, with ground truth."""
+    result: Positional[Path]
+    """Folder that `measure` wrote, or a normal map (.npz, .png, .exr)."""
+    format: str = "auto"
+    """Layout of the capture."""
+    json: bool = False
+    """Print one JSON object."""
+
+    def __call__(self) -> int:
+        from photonormal.capture import load
+        from photonormal.export import load_normals
+        from photonormal.score import score
+
+        truth = load(self.capture, format=self.format).truth
+        if truth is None:
+            raise InputError(f"{self.capture} has no true normals to score against; add Normal_gt.mat.")
+        result = score(load_normals(self.result), truth).as_dict()
+        if self.json:
+            print(json.dumps(result))
+        else:
+            print(
+                f"mean {result['mean_deg']:.2f}, median {result['median_deg']:.2f} degrees; "
+                f"{result['below_15']:.1f} % below 15, {result['below_30']:.1f} % below 30 ({result['pixels']} pixels)"
+            )
+        return 0
+
+
+@dataclass(frozen=True)
+class Integrate:
+    """Depth or a mesh from a normal map."""
+
+    normals: Positional[Path]
+    """Normal map (.npz, 16-bit .png, .exr), or a folder that `measure` wrote."""
+    out: Path
+    """File to write: .npz (depth), .ply, .obj or .glb (mesh)."""
+    method: str = "quadratic"
+    """simchony, quadratic or bilateral."""
+    camera: Path | None = None
+    """Text file with the 3 x 3 camera matrix in pixels, for a perspective view."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+
+    def __call__(self) -> int:
+        from photonormal.export import load_normals, save
+        from photonormal.integrate import integrate
+        from photonormal.measure import read_camera
+        from photonormal.progress import progress
+
+        if self.out.exists() and not self.overwrite:
+            raise InputError(f"{self.out} exists; choose another --out, or add --overwrite to replace it.")
+        normals = load_normals(self.normals)
+        with progress(f"depth by {self.method}"):
+            surface = integrate(normals, self.method, K=read_camera(self.camera))
+        print(save(surface, self.out, normals))
+        return 0
+
+
+@dataclass(frozen=True)
+class Methods:
+    """The methods that `measure` knows, with a line about each."""
+
+    def __call__(self) -> int:
+        from photonormal.solve import METHODS, method_class
+
+        width = max(map(len, METHODS))
+        for name in METHODS:
+            summary = sys.modules[method_class(name).__module__].__doc__ or ""
+            print(f"{name:{width}}  {summary.strip().splitlines()[0]}")
+        return 0
+
+
+Command = (
+    Annotated[Measure, tyro.conf.subcommand("measure")]
+    | Annotated[Score, tyro.conf.subcommand("score")]
+    | Annotated[Integrate, tyro.conf.subcommand("integrate")]
+    | Annotated[Methods, tyro.conf.subcommand("methods")]
+)
+
+
+def main(arguments: list[str] | None = None) -> Literal[0, 2, 130]:
+    """Run one command; returns the exit code: 0 done, 2 the input or the options are wrong, 130 interrupted."""
+    try:
+        command = tyro.cli(
+            Command,  # pyright: ignore[reportArgumentType]
+            prog="photonormal",
+            description="Surface normals, depth and meshes from photographs under known lights.",
+            args=arguments,
+        )
+        return command()
+    except InputError as error:
+        print(f"photonormal: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130

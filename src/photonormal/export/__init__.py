@@ -1,0 +1,52 @@
+"""Results -> files: normal maps, depth, meshes, pictures; the file's ending decides the format."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from photonormal.types import InputError, Normals, Surface
+
+
+def save(
+    result: Normals | Surface, path: str | Path, normals: Normals | None = None, albedo: np.ndarray | None = None
+) -> Path:
+    """Write normals or a surface to one file; whole or not at all.
+
+    Parameters
+    ----------
+    result : Normals to ``.png`` (16-bit, (n + 1) / 2, green up, black outside), ``.exr`` or ``.npz``; a Surface to
+        ``.npz`` or, as a mesh, to ``.ply``, ``.obj`` or ``.glb``
+    path : where; an existing file is replaced
+    normals : vertex normals of a mesh
+    albedo : (h, w, 3) in [0, 1], linear: vertex colours of a mesh
+
+    Returns
+    -------
+    The path written.
+    """
+    from photonormal.export import mesh, normal_maps
+    from photonormal.export.folder import write
+
+    path = Path(path)
+    writers = normal_maps.WRITERS if isinstance(result, Normals) else {".npz": mesh.depth_npz}
+    suffix = path.suffix.lower()
+    if suffix in writers:
+        data = writers[suffix](result)
+    elif isinstance(result, Surface) and suffix in mesh.FORMATS:
+        data = mesh.encode(result, suffix, normals, albedo)
+    else:
+        endings = [*writers, *(mesh.FORMATS if isinstance(result, Surface) else ())]
+        raise InputError(f"{path} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
+    write(path, data)
+    return path
+
+
+def load_normals(path: str | Path) -> Normals:
+    """Normals that `save` wrote, or any normal map of the same frame: ``.npz``, ``.png`` or ``.exr``; or a folder that
+    `photonormal measure` wrote.
+    """
+    from photonormal.export import normal_maps
+
+    return normal_maps.read(Path(path))

@@ -1,0 +1,48 @@
+"""Pictures for people: the preview that every measurement writes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photonormal.export.mesh import display
+from photonormal.types import Normals
+
+PREVIEW_HEIGHT = 480  # pixels; larger frames are reduced to it
+
+
+def preview(
+    photograph: np.ndarray, normals: Normals, albedo: np.ndarray, error: np.ndarray | None = None
+) -> np.ndarray:
+    """One 8-bit RGB picture: photograph, normals, relit from the upper left, albedo and, if given, the error map.
+
+    `photograph` is linear (h, w, 1 or 3) with the object's brightest parts near 1, `albedo` (h, w, 3) in [0, 1],
+    `error` (h, w, 3) 8-bit. Cut to the object's box.
+    """
+    import cv2
+
+    rows, columns = (np.flatnonzero(normals.mask.any(axis)) for axis in (1, 0))
+    box = np.s_[max(0, rows[0] - 4) : rows[-1] + 5, max(0, columns[0] - 4) : columns[-1] + 5]
+    normals_picture = np.rint(127.5 * (normals.map + 1)).astype(np.uint8)
+    normals_picture[~normals.mask] = 255
+    panels = [
+        display(np.broadcast_to(photograph, normals.map.shape))[box],
+        normals_picture[box],
+        relit(normals)[box],
+        _on_white(display(albedo), normals.mask)[box],
+    ]
+    if error is not None:
+        panels.append(error[box])
+    gap = np.full((panels[0].shape[0], 6, 3), 255, np.uint8)
+    strip = np.concatenate([part for panel in panels for part in (panel, gap)][:-1], axis=1)
+    scale = PREVIEW_HEIGHT / strip.shape[0]
+    return strip if scale >= 1 else cv2.resize(strip, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+
+
+def relit(normals: Normals, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:
+    """A matt white surface with these normals under one light: the quickest check that they are the right way round."""
+    direction = np.array(light, np.float32) / np.linalg.norm(light)
+    return _on_white(display(np.repeat((normals.map @ direction)[..., None], 3, axis=-1)), normals.mask)
+
+
+def _on_white(picture: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    return np.where(mask[..., None], picture, np.uint8(255))

@@ -1,0 +1,206 @@
+"""The main path, from photographs to results: load -> solve -> integrate -> export, with a report of what was done."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import photonormal
+from photonormal.capture import load
+from photonormal.export.folder import REPORT, whole_folder
+from photonormal.integrate import integrate
+from photonormal.progress import progress
+from photonormal.score import error_picture, score
+from photonormal.solve import DEFAULT, configure
+from photonormal.types import Capture, Normals, cores
+
+WARN_PERCENT = 5.0  # saturated or zero samples above which a report warns
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How well the photographs are exposed: samples inside the mask, in per cent of all of them."""
+
+    saturated_percent: float
+    zero_percent: float
+
+    def warnings(self) -> list[str]:
+        """One line for each fault that will be seen in the normals."""
+        found = []
+        if self.saturated_percent > WARN_PERCENT:
+            found.append(f"{self.saturated_percent:.1f} % of the samples are saturated; expose less.")
+        if self.zero_percent > WARN_PERCENT:
+            found.append(f"{self.zero_percent:.1f} % of the samples are zero; expose more, or keep more bits.")
+        return found
+
+
+def measure(
+    capture: str | Path,
+    out: str | Path,
+    method: str = DEFAULT,
+    device: str = "auto",
+    mesh: bool = True,
+    overwrite: bool = False,
+    integration: str = "quadratic",
+    camera: Path | None = None,
+    options: dict[str, Any] | None = None,
+    **how: Any,
+) -> dict[str, Any]:
+    """Measure one capture and write its results into the folder `out`, whole or not at all.
+
+    Parameters
+    ----------
+    capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
+    out : folder for normals.png, normals.npz, albedo.png, depth.npz, mesh.ply, preview.png and report.json
+    method : a key of photonormal.solve.METHODS; `options` are its fields
+    device : "auto", "cpu" or "cuda"
+    mesh : integrate the normals and write depth and mesh
+    overwrite : write into a folder that exists and is no result of ours
+    integration : a key of photonormal.integrate.METHODS
+    camera : text file with the camera matrix (3, 3) in pixels of the photographs, for a perspective surface
+
+    Returns
+    -------
+    The report, as written.
+
+    Raises
+    ------
+    InputError
+        If anything given can't be used; then nothing has been written.
+    """
+    solver = configure(method, **(options or {}))
+    K = read_camera(camera)
+    seconds: dict[str, float] = {}
+    with whole_folder(Path(out), overwrite) as folder:
+        with _stage("read", seconds):
+            photographs = load(capture, **how)
+            exposure = _read(photographs)
+        with _stage("solve", seconds), progress(f"normals by {method}"):
+            from photonormal.solve.observations import torch_device
+
+            where = torch_device(device)
+            normals = solver(photographs, where)
+        with _stage("albedo", seconds), progress("albedo"):
+            from photonormal.solve.albedo import lambertian_albedo
+
+            albedo = lambertian_albedo(photographs, normals)
+        surface = None
+        if mesh:
+            with _stage("integrate", seconds), progress(f"depth by {integration}"):
+                surface = integrate(normals, integration, K=K)
+        with _stage("export", seconds), progress("writing"):
+            _export(folder, photographs, normals, albedo, surface)
+        dark = int(photographs.mask.sum()) - int(normals.mask.sum())
+        warnings = exposure.warnings()
+        if dark:
+            warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
+        report = {
+            "photonormal": photonormal.__version__,
+            "capture": photographs.name,
+            "method": method,
+            "options": _plain(asdict(solver)),
+            "integration": integration if mesh else None,
+            "device": str(where),
+            "images": list(photographs.image_names),
+            "lights": photographs.images.shape[0],
+            "pixels": {"mask": int(photographs.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
+            "samples": asdict(exposure),
+            "seconds": seconds,
+            "peak_memory_mb": _peak_memory_mb(),
+            "weights_sha256": getattr(solver, "weights_sha256", None),
+            "warnings": warnings,
+        }
+        if photographs.truth is not None:
+            report["score"] = score(normals, photographs.truth).as_dict()
+        (folder / REPORT).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    return report
+
+
+def read_camera(path: Path | None) -> np.ndarray | None:
+    """The camera matrix in a text file of 3 rows; None for an orthographic view."""
+    if path is None:
+        return None
+    from photonormal.capture.texts import read_table
+
+    return read_table(path)
+
+
+def _read(capture: Capture) -> Exposure:
+    """Decode every picture once, in threads, and count what is saturated or zero."""
+    n, _, _, c = capture.images.shape
+    with progress(f"reading {n} images", n) as advance:
+
+        def count(j: int, image: np.ndarray) -> tuple[int, int]:
+            samples = image[capture.mask]  # (p, c)
+            # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
+            white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
+            advance()
+            return int((samples >= white).sum()), int((samples <= 0).sum())
+
+        saturated, zero = np.sum(capture.map_images(count), axis=0)
+    total = n * c * int(capture.mask.sum())
+    return Exposure(round(100 * float(saturated) / total, 3), round(100 * float(zero) / total, 3))
+
+
+def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any) -> None:
+    """Every file of a result but the report, written at the same time."""
+    from photonormal.export import save
+    from photonormal.export.normal_maps import encode_png
+    from photonormal.export.pictures import preview
+
+    white = float(np.quantile(albedo[normals.mask], 0.99)) or 1.0
+
+    def pictures() -> None:
+        (folder / "albedo.png").write_bytes(encode_png(np.rint(65535 * (albedo / white).clip(0, 1)).astype(np.uint16)))
+        error = error_picture(normals, capture.truth) if capture.truth is not None else None
+        brightest = int(np.argmax(capture.known_lights()[:, 2]))  # the light nearest to the camera shows most
+        photograph = capture.images[brightest]
+        photograph = photograph / max(float(np.quantile(photograph[capture.mask], 0.99)), 1e-6)
+        (folder / "preview.png").write_bytes(encode_png(preview(photograph, normals, albedo / white, error)))
+        if error is not None:
+            (folder / "error.png").write_bytes(encode_png(error))
+
+    jobs = [
+        pictures,
+        lambda: save(normals, folder / "normals.png"),
+        lambda: save(normals, folder / "normals.npz"),
+    ]
+    if surface is not None:
+        jobs.append(lambda: save(surface, folder / "depth.npz"))
+        jobs.insert(0, lambda: save(surface, folder / "mesh.ply", normals, albedo / white))
+    with ThreadPoolExecutor(cores()) as pool:
+        for job in [pool.submit(job) for job in jobs]:
+            job.result()
+
+
+@contextmanager
+def _stage(name: str, seconds: dict[str, float]) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[name] = round(time.perf_counter() - start, 4)
+
+
+def _plain(value: Any) -> Any:
+    """JSON's kinds of values only: paths become text."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    return value if isinstance(value, (int, float, str, bool, type(None))) else str(value)
+
+
+def _peak_memory_mb() -> float | None:
+    """Largest resident size of this process so far; None where the system does not say."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1)

@@ -1,0 +1,54 @@
+"""Imports run one way: files -> capture -> solve -> integrate -> export; the stages meet in `types` and never each other."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
+BASE = {"types", "geometry", "shading"}
+MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
+    "types": set(),
+    "geometry": set(),
+    "shading": set(),
+    "progress": set(),
+    "capture": BASE,
+    "calibrate": BASE,
+    "solve": BASE,
+    "integrate": BASE,
+    "score": BASE,
+    "export": BASE,
+    "synth": BASE | {"capture", "progress"},
+    "train": BASE | {"capture", "solve", "score", "synth", "progress"},
+    "measure": BASE | {"capture", "solve", "integrate", "score", "export", "progress"},
+}
+
+
+def imported(file: Path) -> set[str]:
+    """Second parts of the photonormal modules that a file imports, wherever the import stands."""
+    names = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "photonormal":
+            parts = node.module.split(".")
+            names |= {parts[1]} if len(parts) > 1 else {alias.name for alias in node.names}
+        elif isinstance(node, ast.Import):
+            names |= {(a.name.split(".") + ["__init__"])[1] for a in node.names if a.name.split(".")[0] == "photonormal"}
+    return names
+
+
+def test_the_walk_sees_imports():
+    assert "types" in imported(SOURCE / "solve" / "observations.py")
+
+
+@pytest.mark.parametrize("place", MAY_IMPORT)
+def test_imports_run_with_the_arrows(place):
+    files = sorted((SOURCE / place).rglob("*.py")) or [p for p in [SOURCE / f"{place}.py"] if p.exists()]
+    for file in files:
+        against = imported(file) - MAY_IMPORT[place] - {place, "__init__", "__version__"}
+        assert not against, f"{file.relative_to(SOURCE)} imports {against}"
+
+
+def test_only_the_command_line_imports_the_command_line():
+    for file in SOURCE.rglob("*.py"):
+        if file.name not in ("cli.py", "__main__.py"):
+            assert not imported(file) & {"cli", "bench"}, file

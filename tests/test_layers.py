@@ -1,4 +1,4 @@
-"""Imports run one way: files -> capture -> solve -> integrate -> export; the stages meet in `types` and never each other."""
+"""Imports run one way: capture -> solve -> integrate -> export; the stages meet in `types`, never each other."""
 
 import ast
 from pathlib import Path
@@ -32,7 +32,8 @@ def imported(file: Path) -> set[str]:
             parts = node.module.split(".")
             names |= {parts[1]} if len(parts) > 1 else {alias.name for alias in node.names}
         elif isinstance(node, ast.Import):
-            names |= {(a.name.split(".") + ["__init__"])[1] for a in node.names if a.name.split(".")[0] == "photonormal"}
+            parts = [alias.name.split(".") for alias in node.names]
+            names |= {p[1] if len(p) > 1 else "__init__" for p in parts if p[0] == "photonormal"}
     return names
 
 

@@ -8,7 +8,6 @@ import pytest
 
 from photonormal.cli import main
 from photonormal.export import load_normals
-from photonormal.geometry import angle_deg
 from photonormal.types import Capture
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
@@ -62,7 +61,7 @@ def test_the_surface_of_a_measured_sphere_is_round(folder, tmp_path, capsys):
 def test_integrate_turns_the_result_into_a_mesh(folder, tmp_path, capsys):
     run(capsys, "measure", folder, "--out", tmp_path / "result", "--no-mesh")
     assert not (tmp_path / "result" / "mesh.ply").exists()
-    code, out, _ = run(capsys, "integrate", tmp_path / "result", "--out", tmp_path / "ball.obj")
+    code, *_ = run(capsys, "integrate", tmp_path / "result", "--out", tmp_path / "ball.obj")
     assert code == 0 and (tmp_path / "ball.obj").stat().st_size > 10000
     code, _, err = run(capsys, "integrate", tmp_path / "result", "--out", tmp_path / "ball.obj")
     assert code == 2 and "--overwrite" in err
@@ -180,7 +179,9 @@ class TestRefusals:
 
     def test_a_result_inside_a_file(self, folder, tmp_path, capsys):
         (tmp_path / "file").write_text("x")
-        self.refused(capsys, tmp_path, "measure", folder, "--out", tmp_path / "file" / "result", says="can't be written")
+        self.refused(
+            capsys, tmp_path, "measure", folder, "--out", tmp_path / "file" / "result", says="can't be written"
+        )
 
     def test_no_truth_to_score_against(self, folder, tmp_path, capsys):
         (folder / "Normal_gt.mat").unlink()
@@ -190,9 +191,7 @@ class TestRefusals:
 
 
 @pytest.mark.data
-@pytest.mark.parametrize(
-    ("name", "published"), [("ball", 4.10), ("bear", 8.39), ("cat", 8.41), ("reading", 19.80)]
-)
+@pytest.mark.parametrize(("name", "published"), [("ball", 4.10), ("bear", 8.39), ("cat", 8.41), ("reading", 19.80)])
 def test_least_squares_reproduces_the_published_figures(data, tmp_path, capsys, name, published):
     folder = data / "diligent" / "pmsData" / f"{name}PNG"
     assert run(capsys, "measure", folder, "--out", tmp_path / name, "--method", "woodham", "--no-mesh")[0] == 0

@@ -6,7 +6,7 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 from tyro.conf import Positional
@@ -159,7 +159,7 @@ Command = (
 )
 
 
-def main(arguments: list[str] | None = None) -> Literal[0, 2, 130]:
+def main(arguments: list[str] | None = None) -> int:
     """Run one command; returns the exit code: 0 done, 2 the input or the options are wrong, 130 interrupted."""
     try:
         command = tyro.cli(

@@ -77,7 +77,7 @@ def measure(
     InputError
         If anything given can't be used; then nothing has been written.
     """
-    solver = configure(method, **(options or {}))
+    solver: Any = configure(method, **(options or {}))
     K = read_camera(camera)
     seconds: dict[str, float] = {}
     with whole_folder(Path(out), overwrite) as folder:

@@ -6,7 +6,6 @@ device; leading dimensions broadcast. The view is v = (0, 0, 1); `e` = 1, since 
 
 from __future__ import annotations
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 

@@ -1,8 +1,8 @@
 """The three values that pass between stages, and the only checks of them.
 
 Frame, everywhere: x right, y up, z towards the camera; orthographic view v = (0, 0, 1). Light directions point from the
-surface to the light. Images are linear radiance divided by the intensity of the light, per channel. Row 0 of an array is
-the top of the picture, so y runs against the row index.
+surface to the light. Images are linear radiance divided by the intensity of the light, per channel. Row 0 of an array
+is the top of the picture, so y runs against the row index.
 """
 
 from __future__ import annotations

@@ -30,16 +30,14 @@ def save(
     from photonormal.export.folder import write
 
     path = Path(path)
-    writers = normal_maps.WRITERS if isinstance(result, Normals) else {".npz": mesh.depth_npz}
     suffix = path.suffix.lower()
-    if suffix in writers:
-        data = writers[suffix](result)
-    elif isinstance(result, Surface) and suffix in mesh.FORMATS:
-        data = mesh.encode(result, suffix, normals, albedo)
-    else:
-        endings = [*writers, *(mesh.FORMATS if isinstance(result, Surface) else ())]
+    endings = normal_maps.WRITERS if isinstance(result, Normals) else mesh.FORMATS
+    if suffix not in endings:
         raise InputError(f"{path} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
-    write(path, data)
+    if isinstance(result, Normals):
+        write(path, normal_maps.WRITERS[suffix](result))
+    else:
+        write(path, mesh.encode(result, suffix, normals, albedo))
     return path
 
 

@@ -30,15 +30,15 @@ def write(path: Path, data: bytes) -> None:
 def whole_folder(out: Path, overwrite: bool = False) -> Iterator[Path]:
     """A folder to write into, which becomes `out` when the block ends well and vanishes when it does not.
 
-    An existing result of ours is replaced. Any other folder that is not empty is refused, unless `overwrite`; files in it
-    that are not ours stay where they are in either case.
+    An existing result of ours is replaced. Any other folder that is not empty is refused, unless `overwrite`; files in
+    it that are not ours stay where they are in either case.
     """
     if out.is_file():
         raise InputError(f"{out} is a file but a folder for the results is needed; choose another --out.")
     if out.is_dir() and any(out.iterdir()) and not (out / REPORT).is_file() and not overwrite:
         raise InputError(
-            f"{out} exists and holds no photonormal result; choose another --out, or add --overwrite to put the results "
-            "beside what is there."
+            f"{out} exists and holds no photonormal result; choose another --out, or add --overwrite to put the "
+            "results beside what is there."
         )
     try:
         out.parent.mkdir(parents=True, exist_ok=True)

@@ -9,14 +9,14 @@ from jaxtyping import Float, Int
 
 from photonormal.types import InputError, Normals, Surface
 
-FORMATS = (".ply", ".obj", ".glb")
+FORMATS = (".npz", ".ply", ".obj", ".glb")
 
 
 def depth_npz(surface: Surface) -> bytes:
     """`depth` float32 (h, w), NaN outside; `mask` bool (h, w); `K` (3, 3) of a perspective view."""
     buffer = io.BytesIO()
-    arrays = {"depth": surface.depth.astype(np.float32), "mask": surface.mask}
-    np.savez(buffer, **arrays if surface.K is None else arrays | {"K": surface.K})
+    camera = {} if surface.K is None else {"K": surface.K}
+    np.savez(buffer, allow_pickle=False, depth=surface.depth.astype(np.float32), mask=surface.mask, **camera)
     return buffer.getvalue()
 
 
@@ -49,7 +49,9 @@ def faces(mask: np.ndarray) -> Int[np.ndarray, "f 3"]:
 
 
 def encode(surface: Surface, suffix: str, normals: Normals | None, albedo: np.ndarray | None) -> bytes:
-    """A mesh file's bytes; pixels without depth are left out."""
+    """The bytes of depth (.npz) or of a mesh; a mesh leaves out pixels without depth."""
+    if suffix == ".npz":
+        return depth_npz(surface)
     import trimesh
 
     keep = surface.mask & np.isfinite(surface.depth)
@@ -64,8 +66,9 @@ def encode(surface: Surface, suffix: str, normals: Normals | None, albedo: np.nd
         process=False,
         validate=False,
     )
-    data = mesh.export(file_type=suffix[1:], **({"vertex_normal": True} if suffix == ".ply" and normals else {}))
-    return data.encode() if isinstance(data, str) else bytes(data)
+    buffer = io.BytesIO()
+    mesh.export(buffer, file_type=suffix[1:])
+    return buffer.getvalue()
 
 
 def display(linear: np.ndarray) -> np.ndarray:

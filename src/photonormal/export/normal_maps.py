@@ -41,7 +41,7 @@ def exr(normals: Normals) -> bytes:
 def npz(normals: Normals) -> bytes:
     """`normals` float32 (h, w, 3) and `mask` bool (h, w)."""
     buffer = io.BytesIO()
-    np.savez(buffer, normals=normals.map, mask=normals.mask)
+    np.savez(buffer, allow_pickle=False, normals=normals.map, mask=normals.mask)
     return buffer.getvalue()
 
 

@@ -1,0 +1,43 @@
+"""Seconds of the main path: reading against least squares + DCT integration + export, stage by stage.
+
+    python benchmarks/measure.py CAPTURE [CAPTURE ...] [--repeat 5]
+
+Each capture is measured several times in one process and read from its files anew each time; the best of each stage
+counts, after one run that is not counted. Peak memory is the whole process's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from photonormal.measure import measure
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("capture", type=Path, nargs="+")
+    parser.add_argument("--repeat", type=int, default=5)
+    arguments = parser.parse_args()
+    print(
+        "| capture | pixels | images | read | least squares | albedo | DCT | export | all but reading | peak memory |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for capture in arguments.capture:
+        with tempfile.TemporaryDirectory() as folder:
+            reports = [
+                measure(capture, Path(folder) / "result", "woodham", device="cpu", integration="simchony")
+                for _ in range(arguments.repeat + 1)
+            ][1:]
+        best = {stage: min(r["seconds"][stage] for r in reports) for stage in reports[0]["seconds"]}
+        rest = sum(s for stage, s in best.items() if stage != "read")
+        print(
+            f"| {reports[0]['capture']} | {reports[0]['pixels']['mask']} | {reports[0]['lights']} "
+            f"| {' | '.join(f'{best[s]:.3f}' for s in ('read', 'solve', 'albedo', 'integrate', 'export'))} "
+            f"| {rest:.3f} | {reports[0]['peak_memory_mb']:.0f} MB |"
+        )
+
+
+if __name__ == "__main__":
+    main()

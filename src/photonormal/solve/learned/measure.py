@@ -1,0 +1,230 @@
+"""Measuring with a network: images streamed one or a few at a time, in tiles where the object is large.
+
+Memory does not grow with the number of images and is bounded in the number of pixels. The mask's box alone is computed;
+tiles overlap by the network's reach, so they agree with the whole to rounding.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.solve.learned.network import Network, grey, moment, placed, scaled
+from photonormal.solve.learned.pooling import Pooled
+from photonormal.solve.learned.processor import inner_precision
+from photonormal.types import Capture, InputError, Normals
+
+log = logging.getLogger(__name__)
+
+KEPT = 3 * 2**28  # bytes of features kept between images, unless one tile alone needs more
+PRIOR = 2**26  # grey levels that a prior other than least squares looks at in one pass over the images
+AHEAD = 2**22  # pixels of a frame up to which the next one is decoded while this one is computed
+
+
+def measure(
+    net: Network, capture: Capture, device: torch.device, rotations: int = 1, tile: int = 0, prior: str | None = None
+) -> Normals:
+    """Normals of a capture by a network, on `device` (where it is moved).
+
+    Parameters
+    ----------
+    rotations : 1, or 4: average over quarter turns of the images; four times the work
+    tile : side of a tile in pixels, without its overlap; 0: 512 on a processor, 1024 on a GPU
+    prior : a classical method in place of the one that the network learned with
+    """
+    L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)  # (n, 3)
+    if rotations not in (1, 4):
+        raise InputError(f"{rotations} rotations came but 1 or 4 is possible; quarter turns keep the pixels.")
+    tile = -(-(tile or (512 if device.type == "cpu" else 1024)) // net.stride) * net.stride
+    net = placed(net, device).eval()
+    box = Box.of(capture, net.stride)
+    n = len(L)
+    start = time.perf_counter()
+    with torch.inference_mode():
+        look = first_look(net, capture, box, L, net.config.prior if prior is None else prior)
+        log.info("prior and scale: %.2f s", time.perf_counter() - start)
+        N = torch.zeros(3, *box.mask.shape)  # (3, h, w)
+        windows = box.windows(tile, net.reach)
+        together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * net.reach) ** 2))  # tiles
+        for first in range(0, len(windows), together):
+            tiles = [Tile(net, box, look, w, L, rotations) for w in windows[first : first + together]]
+            chunk = 1 if device.type == "cpu" else max(1, 2**21 // (tiles[0].mask.numel() * rotations))
+            for j, images in frames(capture, box, device, chunk):
+                for t in tiles:
+                    t.add(images, L[j : j + images.shape[1]])
+            for t in tiles:
+                t.finish(N, n)
+    log.info("network: %.2f s in all", time.perf_counter() - start)
+    return box.normals(N, look.lit.cpu(), capture)
+
+
+@dataclass(frozen=True)
+class Box:
+    """The mask's box, its size rounded up to the network's stride."""
+
+    top: int
+    left: int
+    mask: Tensor  # (h, w) bool
+
+    @staticmethod
+    def of(capture: Capture, stride: int) -> Box:
+        ys, xs = (np.flatnonzero(capture.mask.any(axis)) for axis in (1, 0))
+        top, left, bottom, right = int(ys[0]), int(xs[0]), int(ys[-1]) + 1, int(xs[-1]) + 1
+        h, w = (-(-side // stride) * stride for side in (bottom - top, right - left))
+        mask = torch.zeros(h, w, dtype=torch.bool)
+        mask[: bottom - top, : right - left] = torch.from_numpy(capture.mask[top:bottom, left:right])
+        return Box(top, left, mask)
+
+    def crop(self, image: np.ndarray) -> Float[Tensor, "1 1 c h w"]:
+        """This box of a picture (rows, columns, c); zero where the box reaches beyond it."""
+        h, w = self.mask.shape
+        inside = torch.from_numpy(np.ascontiguousarray(image[self.top : self.top + h, self.left : self.left + w]))
+        crop = torch.zeros(1, 1, image.shape[2], h, w)
+        crop[0, 0, :, : inside.shape[0], : inside.shape[1]] = inside.permute(2, 0, 1)
+        return crop
+
+    def windows(self, tile: int, reach: int) -> list[tuple[slice, slice, slice, slice]]:
+        """Rows and columns of each tile, and of what it is computed from; tiles without a mask pixel are left out.
+
+        A box that is less than two reaches larger than a tile is one tile.
+        """
+        h, w = self.mask.shape
+        tile_h, tile_w = (s if s <= tile + 2 * reach else tile for s in (h, w))
+        found = []
+        for y in range(0, h, tile_h):
+            for x in range(0, w, tile_w):
+                core = slice(y, min(y + tile_h, h)), slice(x, min(x + tile_w, w))
+                if self.mask[core].any():
+                    rows = slice(max(0, core[0].start - reach), min(h, core[0].stop + reach))
+                    columns = slice(max(0, core[1].start - reach), min(w, core[1].stop + reach))
+                    found.append((*core, rows, columns))
+        return found
+
+    def normals(self, N: Float[Tensor, "3 h w"], lit: Bool[Tensor, "h w"], capture: Capture) -> Normals:
+        """A map of the whole picture; pixels that are black in all images are left out of its mask."""
+        h = min(self.mask.shape[0], capture.mask.shape[0] - self.top)
+        w = min(self.mask.shape[1], capture.mask.shape[1] - self.left)
+        here = slice(self.top, self.top + h), slice(self.left, self.left + w)
+        mask = np.zeros_like(capture.mask)
+        mask[here] = (self.mask & lit)[:h, :w].numpy()
+        values = np.zeros((*mask.shape, 3), np.float32)
+        values[here] = N[:, :h, :w].permute(1, 2, 0).numpy()
+        return Normals(values, mask)
+
+
+@dataclass
+class Look:
+    """What a first pass over the images gives."""
+
+    prior: Tensor  # (3, h, w), zero outside the mask
+    moments: Tensor  # (1, c, h, w) or (1, 1, 1, 1), see network.moment
+    lit: Tensor  # (h, w) bool, some image is not black here
+
+
+def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3"], prior: str) -> Look:
+    """The prior, what scales the images, and the pixels that some light reached."""
+    mask = box.mask[None, None].to(L.device)  # (1, 1, h, w)
+    plus = torch.linalg.pinv(L.double()).float()  # (3, n)
+    b = torch.zeros(3, *box.mask.shape, device=L.device)
+    moments: Tensor | None = None
+    lit = torch.zeros(box.mask.shape, dtype=torch.bool, device=L.device)
+    for j, images in frames(capture, box, L.device, 1):
+        I = grey(images)[0, 0, 0]  # (h, w)
+        lit |= I > 0
+        here = moment(net.scaling, images, mask)
+        moments = here if moments is None else moments.add_(here)
+        if prior == "woodham":
+            b += plus[:, j, None, None] * I  # least squares, one image at a time
+    if moments is None or not (lit & mask[0, 0]).any():
+        raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
+    if prior not in ("", "woodham"):
+        b = by_blocks(prior, capture, box, L)
+    return Look(torch.nn.functional.normalize(b, dim=0) * mask[0], moments, lit)
+
+
+def by_blocks(prior: str, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) -> Float[Tensor, "3 h w"]:
+    """Normals of a classical method that needs all images of a pixel: as many pixels at a time as memory allows."""
+    from photonormal.solve import method_class
+
+    method = method_class(prior)()
+    where = box.mask.flatten().nonzero()[:, 0]  # (p,)
+    N = torch.zeros(box.mask.numel(), 3, device=L.device)
+    for block in where.to(L.device).split(max(1, PRIOR // len(L))):
+        I = torch.empty(len(block), len(L), device=L.device)
+        for j, images in frames(capture, box, L.device, 1):
+            I[:, j] = grey(images).flatten()[block]
+        N[block] = torch.cat([method.normals(part, L) for part in I.split(max(1, 2**22 // len(L)))])
+    return N.T.reshape(3, *box.mask.shape)
+
+
+def frames(capture: Capture, box: Box, device: torch.device, chunk: int) -> Iterator[tuple[int, Tensor]]:
+    """(j, images j, j + 1, ... (1, k, c, h, w)) of the box, up to `chunk` at a time."""
+    n, h, w, _ = capture.images.shape
+    with ThreadPoolExecutor(1) as reader:
+        ahead = 1 + (h * w <= AHEAD)
+        crop = lambda j: box.crop(capture.images[j])  # noqa: E731
+        waiting = [reader.submit(crop, j) for j in range(min(ahead, n))]
+        held: list[Tensor] = []
+        for j in range(n):
+            held.append(waiting.pop(0).result())
+            if j + ahead < n:
+                waiting.append(reader.submit(crop, j + ahead))
+            if len(held) == chunk or j == n - 1:
+                yield j + 1 - len(held), torch.cat(held, dim=1).to(device)
+                held = []
+
+
+class Tile:
+    """One part of the object: its share of every image goes in, its normals come out."""
+
+    def __init__(
+        self, net: Network, box: Box, look: Look, window: tuple[slice, ...], L: Float[Tensor, "n 3"], rotations: int
+    ) -> None:
+        self.net, self.n = net, len(L)
+        self.core, self.seen = window[:2], window[2:]
+        self.mask = box.mask[self.seen][None, None].to(L.device)  # (1, 1, h, w)
+        self.moments = look.moments if look.moments.numel() == 1 else look.moments[..., *self.seen]
+        self.turns = range(rotations)
+        prior = look.prior[:, *self.seen][None]  # (1, 3, h, w)
+        with inner_precision(L.device):
+            self.shared = [
+                net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), turned(L[None], r, 2)) for r in self.turns
+            ]
+        self.pooled: list[Pooled | None] = [None] * rotations
+
+    def add(self, images: Float[Tensor, "1 k c h w"], L: Float[Tensor, "k 3"]) -> None:
+        """Look at k images of the box under the lights `L`."""
+        images = scaled(self.net.scaling, images[..., *self.seen], self.mask, self.moments, self.n)
+        for r in self.turns:
+            with inner_precision(L.device):
+                new = self.net.encode(torch.rot90(images, r, (3, 4)), turned(L[None], r, 2), self.shared[r])
+            old = self.pooled[r]
+            self.pooled[r] = new if old is None else old.merged(new)
+
+    def finish(self, N: Float[Tensor, "3 h w"], n: int) -> None:
+        """Write the tile's normals into `N`."""
+        total = torch.zeros(1)
+        for r in self.turns:
+            pooled = self.pooled[r]
+            assert pooled is not None
+            with inner_precision(self.mask.device):
+                normals = self.net.decode(pooled, n, self.shared[r])
+            total = total + torch.rot90(turned(normals.float(), -r, 1), -r, (2, 3)).cpu()
+        y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in zip(self.core, self.seen, strict=True))
+        N[:, *self.core] = torch.nn.functional.normalize(total, dim=1)[0, :, y, x]
+
+
+def turned(v: Tensor, quarters: int, axis: int) -> Tensor:
+    """Vectors along `axis` turned about the view axis, counter-clockwise by quarter turns."""
+    x, y, z = v.unbind(axis)
+    for _ in range(quarters % 4):
+        x, y = -y, x
+    return torch.stack([x, y, z], axis)

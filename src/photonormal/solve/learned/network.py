@@ -1,0 +1,108 @@
+"""The interface of every learned method: encode each image, pool over the images, decode once.
+
+Training calls the network on a batch; measuring feeds the same three steps image by image. There is no second path.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor, nn
+
+from photonormal.shading import LUMA
+from photonormal.solve.learned.pooling import Pooled
+
+MEAN = 0.25  # mean of an object's pixels after scaling by its exposure; highlights are cut at CUT
+CUT = 2.0
+CUT_RMS = 6.0  # highlights of a pixel are cut at this multiple of its root mean square over the images
+
+
+class Network(nn.Module, ABC):
+    """Normals from images, lights and a prior.
+
+    Attributes
+    ----------
+    scaling : what the images are divided by, so that exposure changes nothing: "exposure" (mean over the object),
+        "channels" (each pixel's and channel's root mean square over the images) or "grey" (that of its grey level)
+    stride : image sizes must be multiples of it
+    reach : how many pixels away an input can change an output
+    floats : numbers per pixel kept between images while measuring (pooled and shared features)
+    Config : the frozen dataclass that `config` is one of
+    config : what builds the network again; its field `prior` names a classical method, or is ""
+    """
+
+    Config: ClassVar[type]
+    scaling: str
+    stride: int
+    reach: int
+    floats: int
+    config: Any
+
+    @abstractmethod
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> Any:
+        """What all images share, computed once from the prior (zero outside the object) and the lights of them all."""
+
+    @abstractmethod
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+        """The pooled features of k scaled images: some of the n, or all."""
+
+    @abstractmethod
+    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        """Unit normals from the pooled features of all n images."""
+
+    def forward(
+        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3"], prior: Float[Tensor, "b 3 h w"]
+    ) -> Float[Tensor, "b 3 h w"]:
+        """Unit normals from scaled images (`scaled`), unit lights and the prior."""
+        shared = self.begin(prior, lights)
+        return self.decode(self.encode(images, lights, shared), images.shape[1], shared)
+
+
+def moment(scaling: str, images: Float[Tensor, "b k c h w"], mask: Bool[Tensor, "b 1 h w"]) -> Float[Tensor, "b d i j"]:
+    """What `scaled` needs to know of k images; moments of further images are added to it."""
+    if scaling == "exposure":
+        inside = images * mask[:, None]  # (b, k, c, h, w)
+        return inside.sum((1, 2, 3, 4))[:, None, None, None] / (mask.sum((1, 2, 3), keepdim=True) * images.shape[2])
+    if scaling == "grey":
+        images = grey(images)
+    return images.square().sum(1)
+
+
+def scaled(
+    scaling: str,
+    images: Float[Tensor, "b k c h w"],
+    mask: Bool[Tensor, "b 1 h w"],
+    moments: Float[Tensor, "b d i j"],
+    n: int,
+) -> Float[Tensor, "b k e h w"]:
+    """Images as the network reads them: free of exposure, highlights cut, zero outside the mask.
+
+    `moments` is the sum of `moment` over all n images.
+    """
+    if scaling == "exposure":
+        images, scale, cut = MEAN * images, moments / n, CUT  # (b, 1, 1, 1)
+    else:
+        images = grey(images) if scaling == "grey" else images
+        scale, cut = (moments / n).sqrt(), CUT_RMS  # (b, c, h, w)
+    scale = torch.where((scale > 0) & mask, scale, torch.inf)
+    return (images / scale[:, None]).clamp(max=cut)
+
+
+def grey(images: Float[Tensor, "b k c h w"]) -> Float[Tensor, "b k 1 h w"]:
+    """Luma of three channels; one channel is grey already."""
+    if images.shape[2] == 1:
+        return images
+    return torch.einsum("bkchw,c->bkhw", images, images.new_tensor(LUMA))[:, :, None]
+
+
+def placed(net: Network, device: torch.device | str) -> Network:
+    """The network on a device, its filters in the memory order that convolutions are fastest with."""
+    return net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+
+
+def parameters(network: nn.Module) -> int:
+    """How many numbers the network has learned."""
+    return sum(p.numel() for p in network.parameters())

@@ -1,0 +1,67 @@
+"""PS-FCN (Chen, Han, Wong, ECCV 2018) and its normalised version (Chen, Han, Shi, Matsushita, Wong, TPAMI 2020)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from photonormal.solve.learned.lambertian_prior import over_images
+from photonormal.solve.learned.layers import conv, deconv, kaiming, unit
+from photonormal.solve.learned.network import Network
+from photonormal.solve.learned.pooling import Pooled
+
+
+@dataclass(frozen=True)
+class PSFCNConfig:
+    """The network's switches; the defaults have 2.21 million parameters.
+
+    Parameters
+    ----------
+    width : channels of the first layer; twice and four times as many follow
+    normalised : divide observations by each pixel's and channel's root mean square over the images (2020)
+    prior : always "": no classical method enters
+    """
+
+    width: int = 64
+    normalised: bool = False
+    prior: str = ""
+
+
+class PSFCNNet(Network):
+    """Scaled images (b, n, 3, h, w) and lights (b, n, 3) to unit normals (b, 3, h, w); sizes are multiples of 4."""
+
+    Config: ClassVar[type] = PSFCNConfig
+    stride = 4
+    reach = 32
+
+    def __init__(self, config: PSFCNConfig = PSFCNConfig()) -> None:
+        super().__init__()
+        self.config = config
+        self.scaling = "channels" if config.normalised else "exposure"
+        w = config.width
+        self.floats = w // 2
+        self.extractor = nn.Sequential(
+            conv(6, w), conv(w, 2 * w, stride=2), conv(2 * w, 2 * w), conv(2 * w, 4 * w, stride=2),
+            conv(4 * w, 4 * w), deconv(4 * w, 2 * w), conv(2 * w, 2 * w),
+        )  # fmt: skip
+        self.regressor = nn.Sequential(
+            conv(2 * w, 2 * w), conv(2 * w, 2 * w), deconv(2 * w, w), nn.Conv2d(w, 3, 3, padding=1, bias=False)
+        )
+        kaiming(self)
+
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> None:
+        return None
+
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+        b, k, _, h, w = images.shape
+        lights = lights[..., None, None].expand(b, k, 3, h, w).to(images.dtype)
+        phi = torch.cat([images.expand(b, k, 3, h, w), lights], dim=2)  # (b, k, 6, h, w)
+        x = self.extractor(phi.flatten(0, 1).contiguous(memory_format=torch.channels_last))
+        return Pooled(over_images(x, k))
+
+    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        return unit(self.regressor(pooled.maximum))

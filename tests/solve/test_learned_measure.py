@@ -1,0 +1,140 @@
+"""Facts that hold for any network that measures a capture: here networks of random weights on a rendered sphere."""
+
+import numpy as np
+import pytest
+import torch
+
+from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
+from photonormal.solve.learned import measure as module
+from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
+from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
+from photonormal.types import Capture, InputError
+
+CPU = torch.device("cpu")
+
+
+def sphere(n=8, size=70, channels=3, margin=(5, 9)):
+    """A shining sphere in a picture with uneven margins and a background that is not black."""
+    y, x = np.mgrid[size / 2 - 0.5 : -size / 2 : -1, -size / 2 + 0.5 : size / 2] / (size / 2 - 1)
+    mask = x**2 + y**2 < 1
+    N = np.stack([x, y, np.sqrt(np.clip(1 - x**2 - y**2, 0, 1))], -1) * mask[..., None]
+    L = fibonacci_hemisphere(2 * n)[:n]
+    H = L + np.array([0, 0, 1])
+    H /= np.linalg.norm(H, axis=1, keepdims=True)
+    colour = np.array([0.8, 0.5, 0.3]) if channels == 3 else np.array([0.5])
+    I = (N @ L.T).clip(0)[..., None] * colour + ((N @ H.T).clip(0) ** 30)[..., None]  # (h, w, n, c)
+    I = np.where(mask[..., None, None], I, 0.7)
+    images = np.pad(np.moveaxis(I, 2, 0), ((0, 0), margin, margin[::-1], (0, 0))).astype(np.float32)
+    return Capture(images, np.pad(mask, (margin, margin[::-1])), L), np.pad(N, (margin, margin[::-1], (0, 0)))
+
+
+def network(kind, seed=0):
+    torch.manual_seed(seed)
+    if kind == "lambertian-prior":
+        return LambertianPriorNet(LambertianPriorConfig(width=4))
+    return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
+
+
+KINDS = ["lambertian-prior", "psfcn", "psfcn-normalised"]
+
+
+def apart_deg(a, b):
+    assert (a.mask == b.mask).all()
+    return angle_deg(a.map[a.mask], b.map[b.mask]).max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_order_of_the_images_and_the_exposure_change_nothing(kind):
+    capture, _ = sphere()
+    order = np.array([5, 2, 7, 0, 1, 3, 6, 4])
+    net = network(kind)
+    shuffled = Capture(4 * capture.images[order], capture.mask, capture.lights[order])
+    assert apart_deg(measure(net, capture, CPU), measure(net, shuffled, CPU)) < 0.01
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_tiles_agree_with_the_whole(kind):
+    capture, _ = sphere(n=4, size=170)
+    net = network(kind)
+    assert apart_deg(measure(net, capture, CPU), measure(net, capture, CPU, tile=60)) < 0.01
+
+
+def test_tiles_in_several_passes_agree_with_one(monkeypatch):
+    capture, _ = sphere(n=4, size=170)
+    net = network("lambertian-prior")
+    whole = measure(net, capture, CPU, tile=60)
+    monkeypatch.setattr(module, "KEPT", 1)
+    assert apart_deg(whole, measure(net, capture, CPU, tile=60)) < 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_streaming_is_the_batch(kind):
+    """Measuring image by image gives what the network gives for all of them at once, as in training."""
+    from photonormal.solve.classical.woodham import Woodham
+    from photonormal.solve.learned.network import grey, moment, scaled
+
+    capture, _ = sphere(n=6, size=64, margin=(0, 0))
+    net = network(kind)
+    images = torch.from_numpy(capture.images[:, 1:-1, 1:-1]).permute(0, 3, 1, 2)[None]  # the mask's box
+    images = torch.nn.functional.pad(images, (0, 2, 0, 2))
+    mask = torch.nn.functional.pad(torch.from_numpy(capture.mask[1:-1, 1:-1]), (0, 2, 0, 2))[None, None]
+    L = torch.from_numpy(capture.lights).float()[None]
+    prior = (
+        Woodham().normals(grey(images)[:, :, 0].permute(0, 2, 3, 1).flatten(1, 2), L).mT.unflatten(2, mask.shape[2:])
+    )
+    with torch.no_grad():
+        x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), 6)
+        N = net(x, L, prior * mask)[0].permute(1, 2, 0)[:-2, :-2].numpy()
+    streamed = measure(net, capture, CPU)
+    m = capture.mask[1:-1, 1:-1]
+    assert angle_deg(N[m], streamed.map[1:-1, 1:-1][m]).max() < 0.01
+
+
+def test_averaged_rotations_turn_with_the_capture():
+    capture, _ = sphere(size=66, margin=(0, 0))  # a box of 64, a multiple of the stride
+    net = network("lambertian-prior")
+    R = rotation_about_view(90)
+    images = np.ascontiguousarray(np.rot90(capture.images, 1, (1, 2)))
+    turned = Capture(images, np.rot90(capture.mask).copy(), capture.lights @ R.T)
+    a, b = (measure(net, c, CPU, rotations=4) for c in (capture, turned))
+    assert angle_deg(np.rot90(a.map)[b.mask] @ R.T, b.map[b.mask]).max() < 0.01
+    with pytest.raises(InputError, match="3 rotations came but 1 or 4"):
+        measure(net, capture, CPU, rotations=3)
+
+
+def test_one_channel_is_three_equal_ones():
+    capture, _ = sphere(channels=1)
+    net = network("lambertian-prior")
+    three = Capture(np.repeat(capture.images, 3, axis=3), capture.mask, capture.lights)
+    assert apart_deg(measure(net, capture, CPU), measure(net, three, CPU)) < 0.01
+
+
+def test_any_classical_method_can_be_the_prior():
+    capture, _ = sphere()
+    net = network("lambertian-prior")
+    streamed = measure(net, capture, CPU)
+    box = module.Box.of(capture, net.stride)
+    L = torch.from_numpy(capture.lights).float()
+    by_blocks = module.by_blocks("woodham", capture, box, L)
+    look = module.first_look(net, capture, box, L, "woodham")
+    torch.testing.assert_close(by_blocks * box.mask, look.prior, atol=1e-5, rtol=0)
+    assert apart_deg(streamed, measure(net, capture, CPU, prior="")) > 0.1
+
+
+def test_pixels_that_no_light_reached_have_no_normal():
+    capture, _ = sphere()
+    capture.images[:, 30:33, 40] = 0
+    normals = measure(network("lambertian-prior"), capture, CPU)
+    assert (capture.mask & ~normals.mask).sum() == 3
+    with pytest.raises(InputError, match="are dark"):
+        measure(network("psfcn"), Capture(0 * capture.images, capture.mask, capture.lights), CPU)
+
+
+def test_frames_come_in_portions_and_in_order():
+    capture, _ = sphere(n=7)
+    box = module.Box.of(capture, 4)
+    parts = list(module.frames(capture, box, CPU, 3))
+    assert [j for j, _ in parts] == [0, 3, 6]
+    assert [p.shape[1] for _, p in parts] == [3, 3, 1]
+    torch.testing.assert_close(parts[1][1][:, 1], box.crop(capture.images[4])[:, 0])

@@ -1,0 +1,24 @@
+"""Rendered captures with exact normals, for training and testing: shapes, materials, shadows and inter-reflections.
+
+Nothing heavy is imported before it is asked for.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+_WHERE = {
+    "Batch": "photonormal.synth.stream",
+    "Stream": "photonormal.synth.stream",
+    "RECIPES": "photonormal.synth.recipes",
+    "Recipe": "photonormal.synth.recipes",
+    "recipe": "photonormal.synth.recipes",
+}
+__all__ = ["RECIPES", "Batch", "Recipe", "Stream", "recipe"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _WHERE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_WHERE[name]), name)

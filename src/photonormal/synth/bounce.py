@@ -1,0 +1,114 @@
+"""One bounce of light between parts of the surface: where rays from each receiver arrive is found once, for all lights."""
+
+from __future__ import annotations
+
+import math
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+RAYS = 48
+STEPS = 20
+
+
+def hits(
+    height: Float[Tensor, "b s s"],
+    mask: Bool[Tensor, "b s s"],
+    normals: Float[Tensor, "b 3 s s"],
+    receivers: Int[Tensor, " r"],
+    seed: int,
+) -> Int[Tensor, "b r m"]:
+    """Pixel that each of RAYS cosine-distributed rays from each receiver pixel meets first; -1 where it meets none.
+
+    The height field is marched in steps that grow with distance. A ray that passes well below a visible point passes
+    behind it and goes on.
+    """
+    b, s, _ = height.shape
+    device = height.device
+    N = normals.flatten(2)[:, :, receivers].transpose(1, 2)  # (b, r, 3)
+    z0 = height.flatten(1)[:, receivers]  # (b, r)
+    on = mask.flatten(1)[:, receivers]
+    d = _directions(N, seed)  # (b, r, m, 3)
+    col = (receivers % s).to(torch.float32)[None, :, None] + 0.5
+    row = (receivers // s).to(torch.float32)[None, :, None] + 0.5
+    x, y, z = (v[..., None] * 1.0 for v in N.unbind(-1))
+    col, row, z = col + x, row - y, z0[..., None] + z  # one pixel off the surface
+    dx, dy, dz = d[..., 0], -d[..., 1], d[..., 2]
+    flat = torch.where(mask, height, -1e4).flatten()
+    scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (s * s)
+    found = torch.full(d.shape[:3], -1, device=device, dtype=torch.int32)
+    open = on[..., None].expand_as(found).clone()
+    reach = torch.cumsum(1.2 * (1.0 * s / 12) ** torch.linspace(0, 1, STEPS) / 1.0, 0)
+    reach = reach * (1.1 * s / reach[-1])
+    step = torch.diff(reach, prepend=torch.zeros(1))
+    for t, dt in zip(reach.tolist(), step.tolist(), strict=True):
+        c, r = (col + t * dx).floor(), (row + t * dy).floor()
+        inside = (c >= 0) & (c < s) & (r >= 0) & (r < s)
+        pixel = (r.clamp(0, s - 1) * s + c.clamp(0, s - 1)).to(torch.int32)
+        depth = flat.index_select(0, (pixel + scene).flatten()).view_as(z + dz) - (z + t * dz)
+        hit = open & inside & (depth > 0) & (depth < 2.0 * dt + 4.0)
+        found = torch.where(hit, pixel, found)
+        open &= inside & ~hit
+    return found
+
+
+def _directions(N: Float[Tensor, "b r 3"], seed: int) -> Float[Tensor, "b r m 3"]:
+    """Rays around each normal with density cos / pi: a stratified set, turned at random for each receiver."""
+    b, r, _ = N.shape
+    k = torch.arange(RAYS, device=N.device) + 0.5
+    radius, phi = (k / RAYS).sqrt(), k * (math.pi * (1 + 5**0.5))
+    turn = torch.rand((b, r, 1), generator=torch.Generator().manual_seed(seed)).to(N.device) * (2 * math.pi)
+    u, v, w = radius * torch.cos(phi + turn), radius * torch.sin(phi + turn), (1 - radius**2).sqrt().expand(b, r, -1)
+    x, y, z = (c[..., None] for c in N.unbind(-1))
+    z = z.clamp(min=-0.99)
+    a = -1 / (1 + z)  # Duff et al., JCGT 2017: a tangent frame without a square root
+    c = x * y * a
+    t1 = torch.cat([1 + x * x * a, c, -x], -1)[:, :, None]
+    t2 = torch.cat([c, 1 + y * y * a, -y], -1)[:, :, None]
+    return u[..., None] * t1 + v[..., None] * t2 + w[..., None] * N[:, :, None]
+
+
+def gather(
+    found: Int[Tensor, "b r m"], radiance: Float[Tensor, "b q k"], stride: int, size: int
+) -> Float[Tensor, "b r k"]:
+    """Mean radiance over a receiver's rays; `radiance` is known on every `stride`-th pixel of each row and column."""
+    b, q, k = radiance.shape
+    side = size // stride
+    patch = (found // size // stride) * side + (found % size) // stride  # (b, r, m)
+    offset = torch.arange(b, device=found.device).view(b, 1, 1) * q
+    index = torch.where(found >= 0, patch + offset, b * q).flatten(0, 1)
+    table = torch.cat([radiance.reshape(b * q, k), radiance.new_zeros(1, k)])
+    return F.embedding_bag(index, table, mode="sum", padding_idx=b * q).view(b, -1, k) / RAYS
+
+
+def spread(
+    values: Float[Tensor, "b r k"],
+    on: Bool[Tensor, "b r"],
+    normals: Float[Tensor, "b r 3"],
+    pixel: Int[Tensor, "b p"],
+    own: Float[Tensor, "b p 3"],
+    size: int,
+) -> Float[Tensor, "b p k"]:
+    """Values of the receivers' grid at pixels: bilinear, weighted towards receivers that face the same way."""
+    b, r, k = values.shape
+    side = math.isqrt(r)
+    c = ((pixel % size).float() + 0.5) * (side / size) - 0.5
+    w = ((pixel // size).float() + 0.5) * (side / size) - 0.5
+    c0, w0 = c.floor(), w.floor()
+    scene = torch.arange(b, device=pixel.device).view(b, 1) * r
+    taps, weights = [], []
+    for i in (0, 1):
+        for j in (0, 1):
+            at = (w0 + i).clamp(0, side - 1) * side + (c0 + j).clamp(0, side - 1)
+            at = at.long() + scene  # (b, p)
+            area = (1 - (w - w0 - i).abs()) * (1 - (c - c0 - j).abs())
+            same = (normals.reshape(-1, 3)[at] * own).sum(-1).clamp(min=0.05)
+            weights.append((area + 0.02) * same**2 * on.reshape(-1)[at])
+            taps.append(at)
+    weight = torch.stack(weights, -1)
+    weight = weight / weight.sum(-1, keepdim=True).clamp(min=1e-6)
+    index = torch.stack(taps, -1).flatten(0, 1)
+    out = F.embedding_bag(index, values.reshape(b * r, k), mode="sum", per_sample_weights=weight.flatten(0, 1))
+    return out.view(b, -1, k)

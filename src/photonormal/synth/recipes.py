@@ -1,0 +1,88 @@
+"""What a rendered set looks like: every choice is a field of a frozen dataclass, every named set one line of RECIPES."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+from photonormal.types import InputError
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One rendered set.
+
+    Scenes of `size` x `size` pixels are rendered, `scenes` of them at a time, and `crops` windows are cut from each:
+    what casts shadows and reflects light into a window may lie outside it.
+    """
+
+    # frame
+    size: int = 128
+    crop: int = 32
+    crops: int = 8
+    scenes: int = 32
+    coverage: float = 0.5  # least share of a window that is on the object
+    zoom: float = 0.45  # share of scenes that show a part of the object only
+    # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned
+    shapes: tuple[float, ...] = (0.27, 0.22, 0.19, 0.13, 0.08, 0.11)
+    detail: float = 1.0  # 0: smooth
+    meshes: str | None = None  # folder of OBJ files, seen instead of drawn shapes
+    # materials: shares of principled, sgd, abc, neural, raw MERL files
+    materials: tuple[float, ...] = (0.4, 0.26, 0.19, 0.15, 0.1)
+    varying: float = 0.5  # share whose material changes over the surface
+    split: str = "train"  # of the measured materials' names: train, validation, all
+    data: str | None = None  # folder of the measured materials; None: PHOTONORMAL_DATA/brdf, or principled only
+    # light
+    lights: tuple[int, int] = (32, 32)  # fewest and most of a batch, log-uniform
+    narrow: float = 0.6  # share of light sets like DiLiGenT's; the rest span the hemisphere
+    distance: float | None = None  # of the lamps, in half widths of the scene; None: infinitely far
+    ambient: float = 0.01  # most light from everywhere, of a white surface's brightest
+    # transport
+    shadows: bool = True
+    bounce: float = 0.65  # share of scenes with light between parts of the surface
+    smooth_edges: bool = True  # several samples in each pixel where the surface breaks off
+    # sensor
+    saturated: float = 0.015  # most of the samples that exceed the sensor's range
+    noise: float = 0.01  # most noise of a sample at full scale, and a third of it in the dark
+    low_bits: float = 0.2  # share of scenes in 8 bits; the others have 16
+    # errors of the set-up
+    intensity_error: float = 0.03  # most standard deviation of a light's measured intensity
+    light_error_deg: float = 1.0  # most standard deviation of a light's measured direction
+    corrupted: float = 0.3  # share of scenes in which some images are partly dimmed, brightened or shifted
+
+
+RECIPES = {
+    "train": Recipe(),
+    "validation": Recipe(split="validation", zoom=0.3, corrupted=0.0, light_error_deg=0.0, intensity_error=0.0),
+    "lambert": Recipe(
+        materials=(0.0,), shapes=(1.0, 0, 0, 0, 0, 0), detail=0.0, varying=0.0, zoom=0.0, ambient=0.0, shadows=False,
+        bounce=0.0, saturated=0.0, noise=0.0, low_bits=0.0, intensity_error=0.0, light_error_deg=0.0, corrupted=0.0,
+        smooth_edges=False,
+    ),
+}  # fmt: skip
+
+
+def recipe(name: str | Recipe, **changes: Any) -> Recipe:
+    """A named recipe, or one that is given, with some fields changed.
+
+    Raises
+    ------
+    InputError
+        If there is no such recipe or field, or a value makes no sense.
+    """
+    if isinstance(name, str) and name not in RECIPES:
+        raise InputError(f"no recipe {name!r}; choose from {', '.join(RECIPES)}.")
+    known = [f.name for f in dataclasses.fields(Recipe)]
+    for key in changes:
+        if key not in known:
+            raise InputError(f"a recipe has no {key!r}; it has {', '.join(known)}.")
+    made = dataclasses.replace(RECIPES[name] if isinstance(name, str) else name, **changes)
+    low, high = made.lights
+    if not 1 <= low <= high <= 300:
+        raise InputError(f"lights are {made.lights} but 1 <= fewest <= most <= 300 is needed; change lights.")
+    if made.size % 8 or not 8 <= made.crop <= made.size:
+        raise InputError(
+            f"size is {made.size} and crop {made.crop} but a size divisible by 8 and 8 <= crop <= size are needed."
+        )
+    return made

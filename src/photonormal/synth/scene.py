@@ -1,0 +1,155 @@
+"""Scenes: drawn from a recipe, brought into view, cut into windows, and lit by all their lights at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from photonormal.shading import cosines, shade
+from photonormal.synth import bounce
+from photonormal.synth.library import Library
+from photonormal.synth.lights import draw_lights
+from photonormal.synth.materials import Coats, draw_coats, dress, radiance, skins_albedo
+from photonormal.synth.params import log_uniform, tensor
+from photonormal.synth.recipes import Recipe
+from photonormal.synth.sculptor import draw_solids
+from photonormal.synth.shadows import horizon
+from photonormal.synth.shapes import Solids
+from photonormal.synth.trace import Geometry, View, first_seen, visible_surface
+
+EMPTY = -1000.0  # height, in pixels, of where there is nothing
+PATCH, RECEIVER = 2, 4  # pixels between the samples that send and that receive bounced light
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """`b` drawn scenes."""
+
+    solids: Solids
+    coats: Coats
+    lights: Float[Tensor, "b n 3"]
+    zoom: Float[Tensor, " b"]  # width of the window over the object's
+    focus: Float[Tensor, " b"]  # which visible spot a zoomed window is centred on, [0, 1]
+    bounce: Bool[Tensor, " b"]
+    ambient: Float[Tensor, " b"]
+
+
+def draw_scenes(recipe: Recipe, g: np.random.Generator, b: int, n: int, shelf: Library | None) -> Scenes:
+    """`b` random scenes with `n` lights each."""
+    near = g.random(b) < recipe.zoom
+    return Scenes(
+        draw_solids(g, b, recipe.shapes, recipe.detail),
+        draw_coats(g, b, recipe.materials, recipe.varying, shelf),
+        tensor(draw_lights(g, b, n, recipe.narrow)),
+        tensor(np.where(near, log_uniform(g, 0.35, 0.8, b), g.uniform(1.03, 1.2, b))),
+        tensor(g.random(b)),
+        torch.from_numpy(g.random(b) < recipe.bounce),
+        tensor(recipe.ambient * g.random(b) ** 2),
+    )
+
+
+def look(scenes: Scenes, size: int) -> Geometry:
+    """The visible surface in a window around the object, or around a spot of it."""
+    b, device = len(scenes.zoom), scenes.zoom.device
+    wide = View(torch.zeros(b, 2, device=device), torch.full((b,), 1.7, device=device), 40)
+    seen = first_seen(scenes.solids, wide)  # (b, 40, 40)
+    x, y = (v.view(b, 40, 40) for v in wide.rays(40))
+
+    def middle(v: Tensor) -> tuple[Tensor, Tensor]:
+        low = torch.where(seen, v, torch.inf).flatten(1).amin(1)
+        high = torch.where(seen, v, -torch.inf).flatten(1).amax(1)
+        return (low + high) / 2, (high - low) / 2 + wide.pixel / 2
+
+    (cx, rx), (cy, ry) = middle(x), middle(y)
+    half = torch.nan_to_num(torch.maximum(rx, ry), 1, 1, 1).clamp(0.2, 1.3) * scenes.zoom
+    count = seen.flatten(1).cumsum(1)
+    spot = (count > (scenes.focus * count[:, -1])[:, None]).to(torch.int8).argmax(1)[:, None]
+    close = scenes.zoom < 1
+    cx = torch.where(close, x.flatten(1).gather(1, spot)[:, 0], cx)
+    cy = torch.where(close, y.flatten(1).gather(1, spot)[:, 0], cy)
+    centre = torch.nan_to_num(torch.stack([cx, cy], -1), 0, 0, 0)
+    return visible_surface(scenes.solids, View(centre, half, size))
+
+
+def windows(geometry: Geometry, recipe: Recipe, generator: torch.Generator) -> tuple[Int[Tensor, "b k"], Tensor]:
+    """First pixel (row * size + column) of `crops` random windows that lie on curved parts; and which scenes have them."""
+    mask, k, c = geometry.mask.float(), recipe.crops, recipe.crop
+    b, s, _ = mask.shape
+    total = torch.cat([mask[:, None], geometry.normals], 1).double().cumsum(-1).cumsum(-2)
+    total = F.pad(total, (1, 0, 1, 0))  # (b, 4, s + 1, s + 1)
+    total = total[..., c:, c:] - total[..., :-c, c:] - total[..., c:, :-c] + total[..., :-c, :-c]
+    mean = (total / c**2).float()
+    coverage = mean[:, 0]  # (b, s - c + 1, s - c + 1)
+    spread = 1 - mean[:, 1:].square().sum(1) / coverage.square().clamp(min=1e-6)
+    good = (coverage >= recipe.coverage) & (spread > 0.01)
+    side = s - c + 1
+    if side == 1:
+        return torch.zeros(b, k, dtype=torch.long, device=mask.device), good.flatten(1).any(1)
+    good = good.flatten(1)
+    enough = good.sum(1) >= k
+    score = torch.rand(good.shape, generator=generator).to(mask.device) + good
+    first = score.topk(k, 1).indices
+    return first // side * s + first % side, enough
+
+
+def render(
+    scenes: Scenes, geometry: Geometry, pixels: Int[Tensor, "b p"], recipe: Recipe, shelf: Library | None, seed: int
+) -> Float[Tensor, "b n 3 p"]:
+    """Radiance over irradiance of a white surface (1 at its brightest) at some pixels, for each light."""
+    b, s, _ = geometry.mask.shape
+    p, L = pixels.shape[1], scenes.lights
+    pixels = pixels.to(torch.int32)
+    grid = torch.arange(0, s, PATCH, device=pixels.device, dtype=torch.int32)
+    patches = (grid[:, None] * s + grid).flatten().expand(b, -1)  # (b, q)
+    reflecting = bool(scenes.bounce.any())
+    every = torch.cat([pixels, patches], 1) if reflecting else pixels
+
+    def at(values: Tensor) -> Tensor:
+        return values.flatten(2).gather(2, every.long()[:, None].expand(-1, values.shape[1], -1))
+
+    N, on = at(geometry.normals), at(geometry.mask[:, None])[:, 0]  # (b, 3, p + q)
+    z = at(geometry.height[:, None])[:, 0]
+    cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)  # (b, n, p + q)
+    if recipe.shadows:
+        field = torch.where(geometry.mask, geometry.height, EMPTY)
+        visible = horizon(field, L).visibility(every, z)
+        lit = shade(visible, cos_l)
+    else:
+        lit = cos_l.clamp(min=0)
+    lit = lit * on[:, None]
+    points = at(geometry.points).transpose(1, 2)  # (b, p + q, 3)
+    skins = dress(scenes.coats, points[:, :p], shelf)
+    albedo = skins_albedo(skins, b)  # (b, 3, p)
+    lv = (2 + 2 * L[..., 2:]).sqrt()  # |l + v|, (b, n, 1)
+    cos_v = N[:, None, 2, :p]
+    cos_h = ((cos_l[..., :p] + cos_v) / lv).clamp(max=1)
+    out = radiance(skins, cos_l[..., :p], cos_v, cos_h, lv / 2) * lit[:, :, None, :p]
+    if reflecting:
+        sender = skins_albedo(dress(scenes.coats, points[:, p:], shelf), b)  # (b, 3, q)
+        arriving = _bounced(scenes, geometry, pixels, N[..., :p], lit[..., p:], sender, seed)
+        out += albedo[:, None] * arriving
+    out += (scenes.ambient.view(b, 1, 1, 1) * albedo[:, None]) * on[:, None, None, :p]
+    return out
+
+
+def _bounced(
+    scenes: Scenes, geometry: Geometry, pixels: Tensor, N: Tensor, lit: Tensor, albedo: Tensor, seed: int
+) -> Float[Tensor, "b n 3 p"]:
+    """Light that arrives at pixels from what they see of the surface, from the lit patches (b, n, q) of albedo (b, 3, q)."""
+    b, s, _ = geometry.mask.shape
+    n = lit.shape[1]
+    grid = torch.arange(RECEIVER // 2, s, RECEIVER, device=pixels.device)
+    receivers = (grid[:, None] * s + grid).flatten()
+    found = bounce.hits(geometry.height, geometry.mask, geometry.normals, receivers, seed)
+    sent = (lit[:, :, None] * albedo[:, None]).permute(0, 3, 1, 2).flatten(2)  # (b, q, n 3)
+    sent = sent * scenes.bounce.view(b, 1, 1)
+    arriving = bounce.gather(found, sent, PATCH, s)  # (b, r, n 3)
+    on = geometry.mask.flatten(1)[:, receivers]
+    M = geometry.normals.flatten(2)[:, :, receivers].transpose(1, 2)
+    out = bounce.spread(arriving, on, M, pixels, N.transpose(1, 2), s)  # (b, p, n 3)
+    return out.view(b, -1, n, 3).permute(0, 2, 3, 1)

@@ -1,0 +1,82 @@
+"""What the camera makes of the light: exposure, noise, saturation, quantisation, and what goes wrong in a set-up."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.synth.params import tensor
+
+Pictures = Float[Tensor, "c n 3 h w"]
+
+
+def expose(I: Pictures, mask: Bool[Tensor, "c h w"], crops: int, saturated: Float[Tensor, " b"]) -> Pictures:
+    """Scale each scene (of `crops` windows each) so that the share `saturated` of its samples exceeds 1."""
+    b = len(saturated)
+    samples = I.view(b, crops, *I.shape[1:])[:, :, :, 1].flatten(1)  # green
+    step = max(1, samples.shape[1] // 65536) | 1
+    samples = samples[:, ::step].sort(-1).values
+    on = (samples > 0).sum(-1)
+    rank = samples.shape[1] - 1 - (on * saturated).long()
+    level = samples.gather(1, rank[:, None]).clamp(min=1e-6)[:, 0]  # (b,)
+    return I / level.repeat_interleave(crops).view(-1, 1, 1, 1, 1)
+
+
+def photograph(
+    I: Pictures, noise: Float[Tensor, " c"], bits: Float[Tensor, " c"], generator: torch.Generator
+) -> Pictures:
+    """Shot and read noise, saturation at 1 and quantisation of linear values.
+
+    `noise` is the standard deviation at full scale; it falls with the square root of the light to a third of it.
+    `bits` is 0 for values that stay as they are.
+    """
+    per = noise.view(-1, 1, 1, 1, 1)
+    if bool((noise > 0).any()):
+        sigma = per * (I.clamp(0, 1) * 0.9 + 0.1).sqrt_()
+        I = torch.addcmul(I, sigma, torch.randn(I.shape, generator=generator, device=I.device))
+    I = I.clamp(0, 1)
+    levels = (2 ** bits.view(-1, 1, 1, 1, 1) - 1).clamp(min=1)
+    return torch.where(levels > 1, (I * levels).round_() / levels, I) if bool((bits > 0).any()) else I
+
+
+def turned(L: np.ndarray, g: np.random.Generator, sigma_deg: np.ndarray) -> np.ndarray:
+    """Directions (b, n, 3) measured with an error of `sigma_deg` (b,) degrees about each of two axes."""
+    tilt = g.normal(size=L.shape) * np.radians(sigma_deg)[:, None, None]
+    tilt -= (tilt * L).sum(-1, keepdims=True) * L
+    wrong = L + tilt
+    wrong /= np.linalg.norm(wrong, axis=-1, keepdims=True)
+    return np.where(wrong[..., 2:] > 0.02, wrong, L)
+
+
+def corrupt(I: Pictures, share: Float[Tensor, " c"], g: np.random.Generator) -> Pictures:
+    """In the share of each window's images a half or a patch is dimmed or brightened, or the image is shifted."""
+    if not bool((share > 0).any()):
+        return I
+    c, n, _, h, w = I.shape
+    hurt = g.random((c, n)) < share.cpu().numpy()[:, None]
+    window, image = (torch.from_numpy(i) for i in np.nonzero(hurt))
+    k = len(window)
+    if k == 0:
+        return I
+    angle = g.uniform(0, 2 * math.pi, k)
+    normal = tensor(np.stack([np.cos(angle), np.sin(angle)]))[..., None, None].to(I.device)  # (2, k, 1, 1)
+    y, x = torch.meshgrid(torch.linspace(-1, 1, h), torch.linspace(-1, 1, w), indexing="ij")
+    x, y = x.to(I.device), y.to(I.device)
+    offset = tensor(g.uniform(-0.7, 0.7, (k, 1, 1))).to(I.device)
+    half = normal[0] * x + normal[1] * y > offset
+    patch = (x - normal[0] * 0.5).square() + (y - normal[1] * 0.5).square() < (0.3 + offset.abs()) ** 2
+    chosen = torch.where(torch.from_numpy(g.random((k, 1, 1)) < 0.5).to(I.device), half, patch)
+    factor = np.where(g.random(k) < 0.65, g.uniform(0.0, 0.75, k), g.uniform(1.3, 2.5, k))
+    gain = torch.where(chosen, tensor(factor)[:, None, None].to(I.device), 1.0)
+    wrong = I[window, image] * gain[:, None]
+    shifted = g.random(k) < 0.25
+    moves = g.integers(-3, 4, (k, 2))
+    for i in np.flatnonzero(shifted):
+        wrong[i] = torch.roll(I[window[i], image[i]], tuple(moves[i]), (-2, -1))
+    I = I.clone()
+    I[window, image] = wrong
+    return I

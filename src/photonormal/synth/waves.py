@@ -1,0 +1,40 @@
+"""Random fields without a lattice: sums of plane waves, smooth, differentiable and defined everywhere in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.synth.params import log_uniform, tensor, unit_vectors
+
+
+@dataclass(frozen=True)
+class Waves:
+    """`k` fields of `m` waves each for `b` scenes: f(p) = sum_m a_m sin(w_m . p + phase_m), of variance one."""
+
+    w: Float[Tensor, "b 3 km"]  # radians per unit of length
+    phase: Float[Tensor, "b 1 km"]
+    a: Float[Tensor, "b k m"]
+
+    def __call__(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p k"]:
+        b, k, m = self.a.shape
+        s = torch.baddbmm(self.phase, p, self.w).sin()  # (b, p, k m)
+        return (s.view(b, -1, k, m) * self.a[:, None]).sum(-1)
+
+
+def draw_waves(g: np.random.Generator, frequency: np.ndarray, waves: int, octaves: float = 1.0) -> Waves:
+    """Fields around the angular frequencies `frequency` (b, k), spread over `octaves` with amplitude falling as 1/f."""
+    b, k = frequency.shape
+    f = frequency[..., None] * 2 ** (octaves * np.linspace(0, 1, waves)) * log_uniform(g, 0.85, 1.18, (b, k, waves))
+    a = frequency[..., None] / f
+    a *= np.sqrt(2 / (a**2).sum(-1, keepdims=True))
+    w = unit_vectors(g, (b, k, waves)) * f[..., None]  # (b, k, m, 3)
+    return Waves(
+        tensor(w.reshape(b, k * waves, 3).transpose(0, 2, 1).copy()),
+        tensor(g.uniform(0, 2 * np.pi, (b, 1, k * waves))),
+        tensor(a),
+    )

@@ -8,7 +8,7 @@ is the top of the picture, so y runs against the row index.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
@@ -29,6 +29,9 @@ COPLANAR = 1000.0  # condition number of the lights above which three dimensions
 
 class InputError(ValueError):
     """What the user gave can't be used. One line: what came, what was needed, what to do."""
+
+    def __init__(self, message: str):
+        super().__init__(" ".join(message.splitlines()))  # names of files may hold line breaks
 
 
 class Images(Protocol):
@@ -79,18 +82,20 @@ class Capture:
         if self.mask.shape != (h, w) or self.mask.dtype != bool:
             raise InputError(
                 f"mask is {self.mask.shape} {self.mask.dtype} but images are {(h, w)}; "
-                "give a mask of the pictures' own size."
+                "give a bool mask of the pictures' own size."
             )
         if not self.mask.any():
             raise InputError("the mask is empty but at least one pixel must be on the object; white marks the object.")
+        if not self.image_names:
+            object.__setattr__(self, "image_names", tuple(f"image {j + 1}" for j in range(n)))
+        if len(self.image_names) != n:
+            raise InputError(f"{len(self.image_names)} names came for {n} images; give one for each or none.")
         if self.lights is not None:
-            object.__setattr__(self, "lights", unit_lights(self.lights, n))
+            object.__setattr__(self, "lights", unit_lights(self.lights, self.image_names))
         if self.truth is not None and self.truth.map.shape != (h, w, 3):
             raise InputError(
                 f"true normals are {self.truth.map.shape} but images are {(h, w)}; crop both with the same box."
             )
-        if not self.image_names:
-            object.__setattr__(self, "image_names", tuple(f"image {j + 1}" for j in range(n)))
 
     def known_lights(self) -> Lights:
         """The light directions (n, 3), or an error that says that they are missing."""
@@ -159,23 +164,25 @@ class Surface:
             raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed.")
 
 
-def unit_lights(lights: Any, n: int) -> Lights:
-    """Light directions of `n` images as unit vectors (n, 3), float64; raises InputError where they can't be used."""
+def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
+    """Light directions of the images `names` as unit vectors (n, 3), float64; InputError where they can't be used."""
+    n = len(names)
     L = np.asarray(lights, dtype=np.float64)
     if L.shape != (n, 3):
         raise InputError(
             f"lights are {L.shape} but {n} images need ({n}, 3): one direction for each image, in the same order."
         )
-    length = np.linalg.norm(L, axis=1)
-    bad = np.flatnonzero(~(np.isfinite(length) & (length > 1e-12)))
+    largest = np.abs(L).max(1)
+    bad = np.flatnonzero(~(np.isfinite(largest) & (largest > 0)))
     if bad.size:
         raise InputError(
-            f"light {bad[0] + 1} is {L[bad[0]].tolist()} but a finite direction that is not zero is needed; "
+            f"the light of {names[bad[0]]} is {L[bad[0]].tolist()} but a finite direction that is not zero is needed; "
             "correct it or leave that image out."
         )
-    L = L / length[:, None]
+    L = L / largest[:, None]  # so that no length overflows
+    L = L / np.linalg.norm(L, axis=1, keepdims=True)
     s = np.linalg.svd(L, compute_uv=False)
-    condition = s[0] / max(s[2], 1e-300)
+    condition = float(s[0] / s[2]) if s[2] > 0 else np.inf
     if condition > COPLANAR:
         raise InputError(
             f"the {n} lights lie in one plane (condition number {condition:.3g}, at most {COPLANAR:.0f} is usable); "

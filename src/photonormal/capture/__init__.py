@@ -47,20 +47,20 @@ def load(
     """
     from photonormal.capture.assemble import Choice
 
-    path = Path(path)
-    if path == Path("demo") and not path.exists():
-        path = DEMO
-    if not path.exists():
-        raise InputError(f"{path} does not exist; give the folder of a capture or an .lp file.")
     if format != "auto" and format not in FORMATS:
         raise InputError(f"no format {format!r}; choose from auto, {', '.join(FORMATS)}.")
+    path = Path(path)
     choice = Choice(images, Path(lights) if lights else None, Path(mask) if mask else None, srgb)
-    names = FORMATS if format == "auto" else [format]
-    for name in names:
-        reader = import_module(FORMATS[name])
-        if format != "auto" or reader.matches(path):
-            return reader.read(path, choice)
-    raise InputError(
-        f"{path} is no capture that can be told by its content; it needs pictures with light_directions.txt, lights.csv "
-        f"or an .lp file, or name one of {', '.join(FORMATS)} with --format."
-    )
+    try:
+        if path == Path("demo") and not path.exists():
+            path = DEMO
+        if not path.exists():
+            raise InputError(f"{path} does not exist; give the folder of a capture or an .lp file.")
+        if not path.is_dir() and format != "rti" and not (format == "auto" and path.suffix.lower() == ".lp"):
+            raise InputError(f"{path} is a file but the folder of a capture, or an .lp file, is needed; give that.")
+        readers = (import_module(FORMATS[name]) for name in (FORMATS if format == "auto" else [format]))
+        return next(r for r in readers if format != "auto" or r.matches(path)).read(path, choice)
+    except OSError as error:
+        raise InputError(
+            f"{error.filename or path} can't be read ({error.strerror}); check the path and its permissions."
+        ) from None

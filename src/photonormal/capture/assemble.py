@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.images import SUFFIXES, ImageFiles, read_mask
-from photonormal.types import Capture, InputError, Normals, unit_lights
+from photonormal.capture.decode import SUFFIXES
+from photonormal.capture.images import ImageFiles, Picture, parts, read_mask
+from photonormal.capture.lights import in_order_of, read_lights
+from photonormal.types import Capture, InputError, Normals
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,7 @@ class Choice:
     Parameters
     ----------
     images : a subset by 1-based numbers, "1-10,15"; empty: all
-    lights : file with light directions, instead of the folder's own; `.lp` or a table
+    lights : file with light directions, instead of the folder's own; `.lp`, CSV or a table
     mask : mask picture, instead of the folder's own
     srgb : the pictures are sRGB-encoded and have to be linearised
     """
@@ -33,7 +36,7 @@ class Choice:
 
 def assemble(
     name: str,
-    paths: Sequence[Path],
+    pictures: Sequence[Picture],
     lights: np.ndarray | None,
     choice: Choice,
     intensities: np.ndarray | None = None,
@@ -42,59 +45,54 @@ def assemble(
 ) -> Capture:
     """A Capture of the chosen pictures.
 
-    `lights` is (n, 3) for the n `paths`, `intensities` (n, 1 or 3) or None (all 1), `truth` (h, w, 3) with zero or NaN
-    where unknown.
+    `lights` is (n, 3) for the n `pictures`, `intensities` (n, 1 or 3) or None (all 1), `truth` (h, w, 3) with zero or
+    NaN where unknown.
     """
-    n = len(paths)
+    n = len(pictures)
     if not n:
         raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, NPY or RAW files.")
+    names = [parts(p)[0].name for p in pictures]
     if choice.lights is not None:
-        lights = read_lights(choice.lights)
+        lights = in_order_of(names, *read_lights(choice.lights), choice.lights)
     if lights is not None and len(lights) != n:
         raise InputError(
             f"{name} has {n} pictures but {len(lights)} light directions; give one direction for each picture, "
             "in the same order, and remove pictures that are not part of the capture."
         )
-    if lights is not None:
-        lights = unit_lights(lights, n)
+    chosen = parse_images(choice.images, n)
+    missing = [path for j in chosen for path in parts(pictures[j]) if not os.path.isfile(path)]
+    if missing:
+        more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
+        raise InputError(
+            f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list that "
+            "names it or choose others with --images."
+        )
     if intensities is None:
         intensities = np.ones((n, 1))
     if choice.mask is not None:
         mask = choice.mask
-    chosen = parse_images(choice.images, n)
     if isinstance(mask, Path):
         mask = read_mask(mask)
-    files = ImageFiles([paths[j] for j in chosen], mask, intensities[chosen], choice.srgb)
-    frame = files.shape[1:3]
+    files = ImageFiles([pictures[j] for j in chosen], mask, intensities[chosen], choice.srgb)
     return Capture(
         images=files,
-        mask=np.ones(frame, bool) if mask is None else mask,
+        mask=np.ones(files.shape[1:3], bool) if mask is None else mask,
         lights=None if lights is None else lights[chosen],
         truth=None if truth is None else known_normals(truth),
         saturation=files.saturation,
         name=name,
-        image_names=tuple(paths[j].name for j in chosen),
+        image_names=tuple(names[j] for j in chosen),
     )
 
 
 def known_normals(map: np.ndarray) -> Normals:
     """Normals whose mask is where the given map (h, w, 3) has vectors of about unit length."""
-    length = np.linalg.norm(map, axis=-1)
+    with np.errstate(over="ignore"):
+        length = np.linalg.norm(map, axis=-1)
     known = np.abs(length - 1) < 0.1  # 8-bit maps are off by a few per cent; background codes are near 0
     unit = np.zeros(map.shape, np.float32)
     unit[known] = map[known] / length[known][:, None]
     return Normals(unit, known)
-
-
-def read_lights(path: Path) -> np.ndarray:
-    """Light directions (n, 3) from an `.lp` file or a table of numbers."""
-    if path.suffix.lower() == ".lp":
-        from photonormal.capture.rti import read_lp
-
-        return read_lp(path)[1]
-    from photonormal.capture.texts import read_directions
-
-    return read_directions(path)
 
 
 def parse_images(text: str, n: int) -> list[int]:
@@ -107,33 +105,43 @@ def parse_images(text: str, n: int) -> list[int]:
         return list(range(n))
     chosen: list[int] = []
     for part in text.split(","):
-        match = re.fullmatch(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?", part)
+        match = re.fullmatch(r"\s*([0-9]{1,9})\s*(?:-\s*([0-9]{1,9})\s*)?", part)
         if match is None:
-            raise InputError(f"images {text!r} has {part!r} but numbers and ranges like 1-10,15 are needed.")
+            raise InputError(
+                f"--images {text[:60]!r} has {part[:20]!r} but numbers and ranges like 1-10,15 are needed; correct it."
+            )
         first, last = int(match[1]), int(match[2] or match[1])
         if not 1 <= first <= last <= n:
-            raise InputError(f"images {text!r} asks for {part.strip()} but this capture has 1 to {n}; choose from those.")
+            raise InputError(
+                f"--images {text[:60]!r} asks for {part.strip()} but this capture has 1 to {n}; choose from those."
+            )
         chosen += range(first - 1, last)
     if len(set(chosen)) != len(chosen):
-        raise InputError(f"images {text!r} names a picture twice; name each once.")
+        raise InputError(f"--images {text[:60]!r} names a picture twice; name each once.")
     return chosen
 
 
-def natural(path: Path) -> list[tuple[int, str]]:
+def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
     """Sorting key that puts image 10 after image 9."""
-    return [(int(t), "") if t.isdigit() else (-1, t.lower()) for t in re.split(r"(\d+)", path.name) if t]
+    tokens = [t for t in re.split(r"([0-9]+)", path.name.lower()) if t]
+    return [(int(t), "") if t[0] in "0123456789" else (-1, t) for t in tokens], path.name
 
 
-def pictures(folder: Path) -> list[Path]:
-    """Picture files of a folder in natural order, without masks, normals and previews."""
-    other = re.compile(r"(^|[._-])(mask|matte|normals?|normal_gt|normals?_gt|inboundary|onboundary)$", re.IGNORECASE)
-    found = (p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith("."))
-    return sorted((p for p in found if p.is_file() and not other.search(p.stem)), key=natural)
+def find_pictures(folder: Path) -> list[Path]:
+    """Picture files of a folder in natural order, without masks, mattes and normal maps."""
+    other = re.compile(r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary)$", re.IGNORECASE)
+    return sorted((p for p in _picture_files(folder) if not other.search(p.stem)), key=natural)
 
 
 def find_mask(folder: Path) -> Path | None:
     """The folder's mask picture: `mask.*`, or a name that ends in `.mask` or `_mask`."""
-    masks = [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and re.search(r"(^|[._-])mask$", p.stem, re.I)]
+    masks = [p for p in _picture_files(folder) if re.search(r"(^|[._-])mask$", p.stem, re.IGNORECASE)]
     if len(masks) > 1:
-        raise InputError(f"{folder} has {len(masks)} masks ({', '.join(p.name for p in masks)}); choose one with --mask.")
+        raise InputError(
+            f"{folder} has {len(masks)} masks ({', '.join(p.name for p in masks)}); choose one with --mask."
+        )
     return masks[0] if masks else None
+
+
+def _picture_files(folder: Path) -> list[Path]:
+    return [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()]

@@ -1,51 +1,43 @@
 """One sample of the Blobby and Sculpture training sets (Chen et al., ECCV 2018).
 
-    Images/<shape>/
-        <shape>_normal.png                     8-bit, n = 2 v / 255 - 1, background 127
-        <material>/                            the capture
-            <shape>_<material>.txt             `picture lx ly lz` a line
-            64 pictures, 8-bit linear, lights of intensity 1
+Images/<shape>/
+    <shape>_normal.png                     8-bit, n = 2 v / 255 - 1, background 127
+    <material>/                            the capture
+        <shape>_<material>.txt             `picture lx ly lz` a line
+        64 pictures, 8-bit linear, lights of intensity 1
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
-from photonormal.capture.images import decode
-from photonormal.capture.texts import number, read_lines
+from photonormal.capture.decode import decode, full_scale
+from photonormal.capture.lights import last_part
+from photonormal.capture.texts import read_lines, read_named
 from photonormal.types import Capture, InputError
 
 
 def matches(path: Path) -> bool:
     """True for a material's folder inside a shape's folder."""
-    return path.is_dir() and _list(path).is_file() and _normal(path).is_file()
+    return os.path.isfile(_list(path)) and os.path.isfile(_normal(path))
 
 
 def read(path: Path, choice: Choice) -> Capture:
     """The sample in a material's folder; its mask is where the normal map holds a normal."""
-    names, lights = [], []
-    for k, line in enumerate(read_lines(_list(path))):
-        cells = line.rsplit(maxsplit=3)
-        try:
-            lights.append([number(c) for c in cells[1:]])
-            names.append(cells[0])
-            if len(cells) != 4:
-                raise ValueError
-        except ValueError:
-            raise InputError(f"line {k + 1} of {_list(path)} is {line[:60]!r} but `picture lx ly lz` is needed.") from None
-    if not _normal(path).exists():
-        raise InputError(f"{_normal(path)} is missing; it holds the sample's normals and mask.")
-    truth = decode(_normal(path)).astype(np.float64) / 255 * 2 - 1
-    truth[(truth**2).sum(-1) < 0.01] = 0  # background is 127, which is -0.004
-    truth /= np.linalg.norm(truth, axis=-1, keepdims=True).clip(1e-6)
+    names, lights = read_named(read_lines(_list(path)), _list(path))
+    map = decode(_normal(path))
+    truth = map / full_scale(map) * 2 - 1
+    length = np.linalg.norm(truth, axis=-1, keepdims=True)
+    truth = np.where(length > 0.1, truth / length.clip(1e-6), 0)  # background is 127, which is -0.004
     return assemble(
         name=f"{path.resolve().parent.name}/{path.resolve().name}",
-        paths=[path / Path(n).name for n in names],
-        lights=np.array(lights).reshape(-1, 3),
-        mask=(truth**2).sum(-1) > 0.5,
+        pictures=[path / last_part(n) for n in names],
+        lights=lights,
+        mask=np.linalg.norm(truth, axis=-1) > 0.5,
         truth=truth,
         choice=choice,
     )

@@ -6,27 +6,29 @@
         gt_normal.tif                                      16-bit, n = 2 v / 65535 - 1
         inboundary.png                                     mask
 
-The layout of PS-Transformer's set is read too: `00000_direct.tif` beside `00000_indirect.tif` directly in the object's
-folder; the direct part is read.
+The layout of PS-Transformer's set is read too: `00000_direct.tif` and `00000_indirect.tif` directly in the object's
+folder; a picture is their sum, the light that came straight and the light that surfaces passed on.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from photonormal.capture.assemble import Choice, assemble, natural
-from photonormal.capture.images import decode, read_mask
+from photonormal.capture.decode import decode, full_scale
 from photonormal.capture.texts import read_directions
 from photonormal.types import Capture, InputError
 
 
 def matches(path: Path) -> bool:
     """True for an object's folder and for one of its picture folders."""
-    return path.is_dir() and (_object(path) / "light.txt").is_file() and (_object(path) / "gt_normal.tif").is_file()
+    return all(os.path.isfile(_object(path) / name) for name in ("light.txt", "gt_normal.tif"))
 
 
 def read(path: Path, choice: Choice) -> Capture:
     """The pictures of one rendering; an object's folder with several renderings is an error that lists them."""
+    path = path.resolve()
     folder = _object(path)
     if path == folder:
         kinds = sorted(p for p in path.glob("images_*") if p.is_dir())
@@ -36,18 +38,21 @@ def read(path: Path, choice: Choice) -> Capture:
                 f"{', '.join(str(k) for k in kinds)}."
             )
         path = kinds[0] if kinds else path
-    paths = sorted((p for p in path.glob("*.tif") if p.stem.removesuffix("_direct").isdigit()), key=natural)
-    truth = decode(folder / "gt_normal.tif").astype(float) / 65535 * 2 - 1
+    direct = sorted(path.glob("*_direct.tif"), key=natural)
+    whole = sorted((p for p in path.glob("*.tif") if p.stem.isdecimal()), key=natural)
+    normals = decode(folder / "gt_normal.tif")
     mask = folder / "inboundary.png"
+    kind = path.name.removeprefix("images_") if path != folder else ""
     return assemble(
-        name=f"{folder.resolve().name.removesuffix('.obj')} {path.name.removeprefix('images_')}".strip(),
-        paths=paths,
+        name=f"{folder.name.removesuffix('.obj')} {kind}".strip(),
+        pictures=[(p, p.with_name(p.name.replace("_direct", "_indirect"))) for p in direct] or whole,
         lights=read_directions(folder / "light.txt"),
-        mask=read_mask(mask) if mask.exists() else None,
-        truth=truth,
+        mask=mask if mask.exists() else None,
+        truth=normals / full_scale(normals) * 2 - 1,
         choice=choice,
     )
 
 
 def _object(path: Path) -> Path:
+    path = path.resolve()
     return path.parent if path.name.startswith("images_") else path

@@ -1,16 +1,18 @@
 """DiLiGenT objects (Shi et al., TPAMI 2019).
 
-    ballPNG/
-        001.png .. 096.png          16-bit linear RGB, in the order of filenames.txt
-        filenames.txt               one name a line
-        light_directions.txt        96 x 3
-        light_intensities.txt       96 x 3, red green blue; each channel is divided by it
-        mask.png
-        Normal_gt.mat               variable Normal_gt (h, w, 3); optional
+ballPNG/
+    001.png .. 096.png          16-bit linear RGB, in the order of filenames.txt
+    filenames.txt               one name a line
+    light_directions.txt        96 x 3
+    light_intensities.txt       96 x 3, red green blue; each channel is divided by it
+    mask.png
+    Normal_gt.mat               variable Normal_gt (h, w, 3); optional
 """
 
 from __future__ import annotations
 
+import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -24,22 +26,21 @@ NEEDED = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
 
 def matches(path: Path) -> bool:
     """True for an object's folder, and for a folder of objects, which `read` answers with their names."""
-    return path.is_dir() and (all((path / name).is_file() for name in NEEDED) or bool(objects(path)))
+    return _is_object(path) or bool(objects(path))
 
 
 def objects(root: Path) -> list[Path]:
     """Object folders of the benchmark, given `DiLiGenT`, `DiLiGenT/pmsData` or any folder of objects."""
     for folder in (root / "pmsData", root):
-        if folder.is_dir():
-            found = [p for p in sorted(folder.iterdir()) if all((p / name).is_file() for name in NEEDED)]
-            if found:
-                return found
+        found = [p for p in sorted(folder.iterdir()) if _is_object(p)] if os.path.isdir(folder) else []
+        if found:
+            return found
     return []
 
 
 def read(path: Path, choice: Choice) -> Capture:
     """One object; a folder of objects is an error that lists them."""
-    if not (path / NEEDED[0]).is_file() and (found := objects(path)):
+    if not _is_object(path) and (found := objects(path)):
         raise InputError(
             f"{path} holds {len(found)} objects but one is measured at a time; choose from "
             f"{', '.join(str(p) for p in found)}."
@@ -47,7 +48,7 @@ def read(path: Path, choice: Choice) -> Capture:
     names = read_lines(path / "filenames.txt")
     return assemble(
         name=path.resolve().name.removesuffix("PNG"),
-        paths=[path / name for name in names],
+        pictures=[path / name for name in names],
         lights=read_directions(path / "light_directions.txt"),
         intensities=read_intensities(path / "light_intensities.txt", len(names)),
         mask=path / "mask.png" if (path / "mask.png").exists() else None,
@@ -59,13 +60,21 @@ def read(path: Path, choice: Choice) -> Capture:
 def read_mat(path: Path, variable: str = "Normal_gt") -> np.ndarray:
     """A numeric array from a MATLAB file; nothing else in it is interpreted."""
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
-        value = loadmat(path, variable_names=[variable])[variable]
-    except (MatReadError, NotImplementedError, ValueError, TypeError, OSError, KeyError) as error:
-        reason = f"no variable {variable}" if isinstance(error, KeyError) else str(error).splitlines()[0]
-        raise InputError(f"{path} can't be read ({reason}); save {variable} as a version 7 .mat file.") from None
+        with warnings.catch_warnings(action="ignore"):
+            value = loadmat(path, variable_names=[variable]).get(variable)
+    except Exception as error:  # scipy raises anything on a damaged file
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise InputError(f"{path} can't be read ({reason[:200]}); save {variable} as a version 7 .mat file.") from None
+    if not isinstance(value, np.ndarray):
+        raise InputError(f"{path} has no array {variable} but it is needed; save it there.")
     if value.dtype.kind not in "fiu" or value.ndim != 3 or value.shape[2] != 3:
-        raise InputError(f"{variable} in {path} is {value.dtype} {value.shape} but (h, w, 3) numbers are needed.")
+        raise InputError(
+            f"{variable} in {path} is {value.dtype} {value.shape} but (h, w, 3) numbers are needed; save those."
+        )
     return value.astype(np.float64)
+
+
+def _is_object(folder: Path) -> bool:
+    return all(os.path.isfile(folder / name) for name in NEEDED)

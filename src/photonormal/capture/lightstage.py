@@ -1,12 +1,13 @@
 """One object of the Light Stage Data Gallery (Einarsson et al., EGSR 2006).
 
     light_directions.txt            `index x y z` a line: the way the light travels
-    light_intensities.txt           `index r g b` a line
+    light_intensities.txt           `index r g b` a line, in the same order
     helmet_side/                    the capture
         helmet_side_0001.png ...    8-bit, one for each light
         helmet_side_matte.png       black on the object
 
-Lights from behind the object (z of the direction to the light at most 0.1) are left out, as others do who use this set.
+Lights from behind the object (z of the direction to the light at most 0.1) are left out, as others do who use this
+set; a subset by numbers counts those that are left.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble, natural
-from photonormal.capture.images import SUFFIXES, decode, full_scale
-from photonormal.capture.texts import read_table
+from photonormal.capture.decode import SUFFIXES, decode, full_scale
+from photonormal.capture.texts import positive, read_lines, read_named
 from photonormal.types import Capture, InputError
 
 FRONT = 0.1  # least z of a light that is used
@@ -38,7 +39,7 @@ def read(path: Path, choice: Choice) -> Capture:
     paths = sorted((p for p in path.iterdir() if p not in mattes and _numbered(p)), key=natural)
     stage = path.resolve().parent
     lights = -_without_index(stage / "light_directions.txt")
-    intensities = _without_index(stage / "light_intensities.txt")
+    intensities = positive(_without_index(stage / "light_intensities.txt"), stage / "light_intensities.txt")
     if not len(paths) == len(lights) == len(intensities):
         raise InputError(
             f"{path} has {len(paths)} pictures for {len(lights)} light directions and {len(intensities)} intensities; "
@@ -47,7 +48,7 @@ def read(path: Path, choice: Choice) -> Capture:
     front = np.flatnonzero(lights[:, 2] > FRONT)
     return assemble(
         name=path.resolve().name,
-        paths=[paths[j] for j in front],
+        pictures=[paths[j] for j in front],
         lights=lights[front],
         intensities=intensities[front],
         mask=matte.max(-1) < 0.5 * full_scale(matte),
@@ -60,7 +61,4 @@ def _numbered(path: Path) -> bool:
 
 
 def _without_index(path: Path) -> np.ndarray:
-    table = read_table(path)
-    if table.shape[1] != 4:
-        raise InputError(f"{path} has rows of {table.shape[1]} numbers but `index x y z` is needed.")
-    return table[:, 1:]
+    return read_named(read_lines(path), path)[1]

@@ -1,22 +1,15 @@
-"""RTI light position files (`.lp`): a count, then a picture's name and its light's direction in each line.
-
-    3
-    DSC 0001.jpg 0.34 -0.20 0.92
-    ...
+"""RTI captures: an `.lp` file (`photonormal.capture.lights`) and the pictures that it names.
 
 Names may hold spaces and are taken relative to the `.lp`, or by their last part where they come from another machine.
-Vectors need not be unit; numbers may have decimal commas. Frame: x right, y up, z to the camera.
 """
 
 from __future__ import annotations
 
-import re
+import os
 from pathlib import Path
 
-import numpy as np
-
 from photonormal.capture.assemble import Choice, assemble, find_mask
-from photonormal.capture.texts import number, read_lines
+from photonormal.capture.lights import last_part, read_lp
 from photonormal.types import Capture, InputError
 
 
@@ -35,35 +28,11 @@ def read(path: Path, choice: Choice) -> Capture:
     names, lights = read_lp(path)
     return assemble(
         name=path.stem,
-        paths=[_find(path, name) for name in names],
+        pictures=[_find(path, name) for name in names],
         lights=lights,
         mask=find_mask(path.parent) if choice.mask is None else None,
         choice=choice,
     )
-
-
-def read_lp(path: Path) -> tuple[list[str], np.ndarray]:
-    """Picture names and directions (n, 3) as written."""
-    lines = read_lines(path)
-    try:
-        count = int(lines[0])
-    except (ValueError, IndexError):
-        raise InputError(
-            f"{path} begins with {lines[0][:40] if lines else ''!r} but an .lp file begins with its number of pictures."
-        ) from None
-    names, directions = [], []
-    for k, line in enumerate(lines[1:]):
-        cells = line.rsplit(maxsplit=3)
-        try:
-            directions.append([number(c) for c in cells[1:]])
-            names.append(cells[0].strip('"'))
-            if len(cells) != 4:
-                raise ValueError
-        except ValueError:
-            raise InputError(f"line {k + 2} of {path} is {line[:60]!r} but `name x y z` is needed; correct it.") from None
-    if count != len(names):
-        raise InputError(f"{path} says {count} pictures but lists {len(names)}; correct its first line or the list.")
-    return names, np.array(directions).reshape(-1, 3)
 
 
 def _lp_files(folder: Path) -> list[Path]:
@@ -71,6 +40,6 @@ def _lp_files(folder: Path) -> list[Path]:
 
 
 def _find(lp: Path, name: str) -> Path:
-    """The picture that a line names: as written, or by its last part in the `.lp`'s folder."""
-    here = lp.parent / name
-    return here if here.exists() else lp.parent / re.split(r"[\\/]", name)[-1]
+    """The picture that a line names: as written, with the other system's slashes, or by its last part."""
+    candidates = [lp.parent / n for n in (name, name.replace("\\", "/"), last_part(name))]
+    return next((c for c in candidates if os.path.isfile(c)), candidates[-1])

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import codecs
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,16 +17,17 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 def read_lines(path: Path) -> list[str]:
     """Stripped lines that are not empty."""
     try:
-        text = path.read_bytes()
+        data = path.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path} is missing; restore it or name another format with --format.") from None
+        raise InputError(f"{path} is missing but it is needed; restore it or name another.") from None
     except OSError as error:
-        raise InputError(f"{path} can't be read ({error.strerror}); check its permissions.") from None
+        raise InputError(f"{path} can't be read ({error.strerror}) but a text file is needed; check it.") from None
+    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     try:
-        lines = text.decode("utf-8-sig").splitlines()
+        text = data.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError:
-        lines = text.decode("latin-1").splitlines()
-    return [line.strip() for line in lines if line.strip()]
+        text = data.decode("latin-1")
+    return [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
 
 
 def number(token: str) -> float:
@@ -35,21 +38,38 @@ def number(token: str) -> float:
 def read_table(path: Path) -> np.ndarray:
     """Rows of numbers, separated by white space, semicolons or commas; lines that start with # are remarks."""
     rows = []
-    for k, line in enumerate(read_lines(path)):
+    for line in read_lines(path):
         if line.startswith("#"):
             continue
         tokens = [t for t in re.split(r"[\s;]+", line) if t]
         try:
-            if len(tokens) == 1 or any(t.endswith(",") for t in tokens):
+            # commas separate unless each number holds one at most: 0,5 0,1 0,8
+            if any(t.endswith(",") or t.count(",") > 1 for t in tokens):
                 tokens = [t for t in re.split(r"[\s;,]+", line) if t]
             rows.append([number(t) for t in tokens])
         except ValueError:
-            raise InputError(f"line {k + 1} of {path} is {line[:60]!r} but numbers are needed; correct it.") from None
-    if not rows or len({len(r) for r in rows}) != 1:
-        raise InputError(
-            f"{path} has rows of {sorted({len(r) for r in rows})} numbers; one table with equal rows is needed."
-        )
+            raise InputError(f"{path} has the line {line[:60]!r} but numbers are needed; correct it.") from None
+    widths = sorted({len(r) for r in rows})
+    if len(widths) != 1 or widths == [0]:
+        came = f"rows of {', '.join(map(str, widths))} numbers" if any(widths) else "no numbers"
+        raise InputError(f"{path} has {came} but one table with equal rows is needed; correct it.")
     return np.array(rows)
+
+
+def read_named(lines: Sequence[str], path: Path, first: int = 1) -> tuple[list[str], np.ndarray]:
+    """Names, which may hold spaces, and directions (n, 3) of lines `name x y z`; `first` is the number of the first."""
+    names, directions = [], []
+    for k, line in enumerate(lines):
+        name, *numbers = line.rsplit(maxsplit=3)
+        try:
+            x, y, z = map(number, numbers)
+        except ValueError:
+            raise InputError(
+                f"line {first + k} of {path} is {line[:60]!r} but `name x y z` is needed; correct it."
+            ) from None
+        names.append(name.strip('"'))
+        directions.append([x, y, z])
+    return names, np.array(directions).reshape(-1, 3)
 
 
 def read_directions(path: Path) -> np.ndarray:
@@ -68,10 +88,19 @@ def read_intensities(path: Path, n: int) -> np.ndarray:
     if table.shape[0] != n and table.shape[1] == n:
         table = table.T
     if table.shape not in ((n, 1), (n, 3)):
-        raise InputError(f"{path} is a table of {table.shape} but ({n}, 1) or ({n}, 3) intensities are needed.")
+        raise InputError(
+            f"{path} is a table of {table.shape} but ({n}, 1) or ({n}, 3) intensities are needed, one row for each "
+            "picture; correct it."
+        )
+    return positive(table, path)
+
+
+def positive(table: np.ndarray, path: Path) -> np.ndarray:
+    """The intensities in `table`, or an error that names the row that holds none."""
     bad = np.flatnonzero(~(np.isfinite(table) & (table > 0)).all(1))
     if bad.size:
         raise InputError(
-            f"row {bad[0] + 1} of {path} is {table[bad[0]].tolist()} but light intensities above 0 are needed."
+            f"row {bad[0] + 1} of {path} is {table[bad[0]].tolist()} but light intensities above 0 are needed; "
+            "correct it."
         )
     return table

@@ -13,6 +13,12 @@ if TYPE_CHECKING:
 
 METHODS = {  # name -> "module:Class", imported only when asked for
     "woodham": "photonormal.solve.classical.woodham:Woodham",
+    "trimmed": "photonormal.solve.classical.trimmed:Trimmed",
+    "l1": "photonormal.solve.classical.l1:L1",
+    "sbl": "photonormal.solve.classical.sbl:SBL",
+    "rpca": "photonormal.solve.classical.rpca:RPCA",
+    "median": "photonormal.solve.classical.median:Median",
+    "ransac": "photonormal.solve.classical.ransac:Ransac",
 }
 
 DEFAULT = "woodham"

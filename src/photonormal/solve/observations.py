@@ -5,7 +5,7 @@ Grey-level conversion, the shadow threshold and normalisation live here and nowh
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import torch
@@ -15,7 +15,9 @@ from torch import Tensor
 from photonormal.shading import LUMA
 from photonormal.types import Capture, InputError, Normals
 
-BLOCK = 2**22  # samples solved at a time: bounds the memory of every method
+BLOCK = {"cpu": 2**18, "cuda": 2**25}  # samples solved at a time: bounds memory; on the processor they fit its cache
+SHADOW = {0.99: 0.02, 0.75: 0.06}  # quantile of all samples: fraction of it below which a sample may be in shadow
+READ = 2**20  # samples that suffice to find a quantile
 
 
 def torch_device(name: str) -> torch.device:
@@ -32,31 +34,67 @@ def torch_device(name: str) -> torch.device:
 
 
 def grey_levels(capture: Capture, clip: bool = True) -> Float[Tensor, "p n"]:
-    """Grey level of each mask pixel in each image, float32 on the processor.
+    """Grey level of each mask pixel in each image, float32 on the processor; samples that are no number become 0.
 
-    Luma of the three channels, clipped to [0, 1] unless `clip` is False (the published classical figures rest on the
-    clip; learned methods read highlights above 1).
+    Luma of the three channels. Unless `clip` is False it is clipped to [0, 1], or to the 99th percentile where
+    that is above 1: the published classical figures rest on the clip; learned methods read highlights above 1.
     """
     weights = np.asarray(LUMA if capture.images.shape[3] == 3 else (1.0,), np.float32)
+    inside = np.flatnonzero(capture.mask)
 
-    def grey(_: int, image: np.ndarray) -> Tensor:
-        level = image[capture.mask] @ weights  # (p,)
-        return torch.from_numpy(level.clip(0, 1) if clip else level)
+    def grey(_: int, image: np.ndarray) -> np.ndarray:
+        level = image.reshape(-1, image.shape[2])[inside] @ weights  # (p,)
+        return level if np.isfinite(level).all() else np.nan_to_num(level, nan=0, posinf=0, neginf=0)
 
-    return torch.stack(capture.map_images(grey), dim=-1)
+    I = torch.from_numpy(np.stack(capture.map_images(grey), axis=-1))  # (p, n)
+    return I.clamp_(0, max(1.0, float(level(I, 0.99)))) if clip else I
 
 
-def lit(I: Float[Tensor, "*p n"], fraction: float = 0.02) -> Bool[Tensor, "*p n"]:
-    """Samples brighter than `fraction` of the 99th percentile of all of them: not in shadow."""
-    flat = I.reshape(-1)
-    step = max(1, flat.numel() // 2**20)  # torch.quantile takes at most 16 million values
-    return I > fraction * torch.quantile(flat[::step].float(), 0.99)
+def level(I: Float[Tensor, "*b p n"], quantile: float) -> Float[Tensor, "*b 1 1"]:
+    """A quantile of the samples of each capture: every image of evenly spaced pixels."""
+    step = max(1, I.shape[-2] * I.shape[-1] // READ)
+    samples = I[..., ::step, :].flatten(-2)  # (*b, m)
+    k = max(1, round(quantile * samples.shape[-1]))
+    if samples.device.type == "cpu":  # numpy selects ten times faster than torch there
+        return torch.from_numpy(np.partition(samples.numpy(), k - 1, axis=-1)[..., k - 1 : k, None])
+    return samples.kthvalue(k, dim=-1, keepdim=True).values[..., None]
+
+
+def lit(I: Float[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
+    """Samples not in shadow: brighter than 2 % of the capture's 99th percentile or 6 % of its 75th.
+
+    The second is the lower one on metal, where few samples are very bright and most are dim but lit.
+    """
+    dark = [fraction * level(I, quantile) for quantile, fraction in SHADOW.items()]
+    return I > torch.minimum(*dark)
+
+
+def ascending(I: Float[Tensor, "*p n"]) -> Float[Tensor, "*p n"]:
+    """Each pixel's samples from dark to bright."""
+    if I.device.type == "cpu":  # numpy sorts with vector instructions: ten times faster than torch there
+        return torch.from_numpy(np.sort(I.numpy(), axis=-1))
+    return I.sort(dim=-1).values
 
 
 def normalised(b: Float[Tensor, "*p 3"]) -> Float[Tensor, "*p 3"]:
     """Unit vectors along `b`; zero where `b` is zero or not finite."""
     length = b.norm(dim=-1, keepdim=True)
     return torch.where(torch.isfinite(length) & (length > 0), b / length, torch.zeros_like(b))
+
+
+def at_least(n: int, capture: Capture, method: str) -> None:
+    """Raise InputError where a method needs more lights than the capture has."""
+    if capture.images.shape[0] < n:
+        raise InputError(
+            f"{capture.images.shape[0]} images came but {method} needs {n} or more lights; "
+            "add photographs or use woodham."
+        )
+
+
+def blocks(p: int, n: int, device: torch.device) -> Iterator[slice]:
+    """Slices of `p` pixels under `n` lights, each of a size that suits the device."""
+    step = max(1, BLOCK[device.type if device.type in BLOCK else "cpu"] // n)
+    return (slice(start, start + step) for start in range(0, p, step))
 
 
 def per_pixel(
@@ -67,11 +105,18 @@ def per_pixel(
     `normals` maps grey levels (p, n) and lights (n, 3) to unit normals (p, 3), zero where there is none. Blocks of
     pixels bound the memory.
     """
+    return per_lit_pixel(lambda I, _, L: normals(I, L), capture, device, dtype)
+
+
+def per_lit_pixel(
+    fit: Callable[[Tensor, Tensor, Tensor], Tensor], capture: Capture, device: torch.device, dtype: torch.dtype
+) -> Normals:
+    """As `per_pixel`, for a `fit` that also takes which samples are lit (p, n), by the whole capture's threshold."""
     I = grey_levels(capture)  # (p, n)
+    keep = lit(I)
     L = torch.as_tensor(capture.known_lights(), dtype=dtype, device=device)
-    blocks = I.split(max(1, BLOCK // I.shape[1]))
-    N = torch.cat([normals(block.to(device, dtype), L).to("cpu", torch.float32) for block in blocks])
-    return on_mask(N, capture)
+    N = [fit(I[s].to(device, dtype), keep[s].to(device), L).to("cpu", torch.float32) for s in blocks(*I.shape, device)]
+    return on_mask(torch.cat(N), capture)
 
 
 def on_mask(N: Float[Tensor, "p 3"], capture: Capture) -> Normals:

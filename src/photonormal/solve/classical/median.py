@@ -1,0 +1,41 @@
+"""Median of triplets: D. Miyazaki, K. Hara, K. Ikeuchi, IJCV 86(2-3), 2010."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
+from photonormal.solve.classical.woodham import scaled_normals
+from photonormal.solve.observations import normalised, per_lit_pixel
+from photonormal.types import Capture, Normals
+
+
+@dataclass(frozen=True)
+class Median:
+    """Every well-conditioned triplet of lit samples gives a normal; the answer is their median, component by component.
+
+    Exact while more than half of the triplets are matt. Needs 3 lights.
+
+    Parameters
+    ----------
+    triplets : number of triplets
+    seed : of their choice
+    """
+
+    triplets: int = 300
+    seed: int = 0
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        return per_lit_pixel(self.fit, capture, device, torch.float32)
+
+    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+        """Unit normals from the samples to `keep`."""
+        triplets = conditioned_triplets(L, self.triplets, self.seed)
+        N = normalised(hypotheses(I, L, triplets))  # (p, t, 3)
+        N = N.masked_fill(~keep[:, triplets].all(-1, keepdim=True), torch.nan)
+        median = N.nanmedian(dim=1).values
+        return normalised(torch.where(median.isfinite(), median, scaled_normals(I, L)))

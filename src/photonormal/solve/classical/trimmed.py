@@ -1,0 +1,56 @@
+"""Least squares on the samples of middle brightness: the darkest are shadows, the brightest are highlights."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.solve.classical.woodham import weighted_normals
+from photonormal.solve.observations import ascending, lit, normalised, per_lit_pixel
+from photonormal.types import Capture, Normals
+
+
+@dataclass(frozen=True)
+class Trimmed:
+    """Of a pixel's lit samples, only those whose brightness ranks in a window enter the linear fit.
+
+    Exact on a matt surface; holds while shadows and highlights leave the window free. Needs 3 lights.
+
+    Parameters
+    ----------
+    lowest, highest : window of ranks among the lit samples, fractions in [0, 1]
+    least : samples that the window holds at least; few lights widen it
+    """
+
+    lowest: float = 0.1
+    highest: float = 0.6
+    least: int = 6
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        return per_lit_pixel(self.fit, capture, device, torch.float32)
+
+    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
+        """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
+        return self.fit(I, lit(I), L)
+
+    def fit(
+        self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]
+    ) -> Float[Tensor, "*b p 3"]:
+        """Unit normals from the samples to `keep`."""
+        return normalised(weighted_normals(I, keep & self.window(I, keep), L))
+
+    def window(self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
+        """Samples whose value lies between those of the window's first and last rank, ties included."""
+        share = self.highest - self.lowest
+        count = keep.to(I.dtype).sum(-1, keepdim=True)  # (*b, p, 1)
+        inside = torch.maximum(share * count, count.clamp(max=self.least))
+        first = (self.lowest / max(1 - share, 1e-9) * (count - inside)).round()
+        last = (first + inside.round() - 1).clamp(min=0)
+        dark = I.shape[-1] - count  # they rank below all lit samples
+        ranked = ascending(I)
+        low = ranked.gather(-1, (dark + first).long().clamp(max=I.shape[-1] - 1))
+        high = ranked.gather(-1, (dark + last).long().clamp(max=I.shape[-1] - 1))
+        return (I >= low) & (I <= high)

@@ -32,7 +32,7 @@ def sphere(n=8, size=70, channels=3, margin=(5, 9)):
 def network(kind, seed=0):
     torch.manual_seed(seed)
     if kind == "lambertian-prior":
-        return LambertianPriorNet(LambertianPriorConfig(width=4))
+        return LambertianPriorNet(LambertianPriorConfig(width=8))
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
 
 

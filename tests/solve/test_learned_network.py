@@ -12,7 +12,7 @@ from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import InputError
 
 PAPER = LambertianPriorConfig()
-SMALL = replace(PAPER, width=4)
+SMALL = replace(PAPER, width=8)
 VARIANTS = [
     SMALL,
     replace(SMALL, exchange=False),
@@ -71,6 +71,8 @@ def test_blocks_are_numbered_as_in_the_paper():
     assert sizes == sorted(sizes)
     with pytest.raises(InputError, match="4 blocks came but a branch has 3, 5, 6 or 7"):
         LambertianPriorConfig(blocks=4)
+    with pytest.raises(InputError, match=r"width 12 came; .* width a multiple of 8"):
+        LambertianPriorConfig(width=12)
 
 
 @pytest.mark.parametrize("make", NETWORKS)

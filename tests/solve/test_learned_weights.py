@@ -13,7 +13,7 @@ from photonormal.types import InputError
 def file(tmp_path):
     torch.manual_seed(0)
     path = tmp_path / "tiny.safetensors"
-    net = LambertianPriorNet(LambertianPriorConfig(width=4, concat=3))
+    net = LambertianPriorNet(LambertianPriorConfig(width=8, concat=3))
     assert save(path, "lambertian-prior", net, {"recipe": "tiny"}, torch.float32) == checksum(path)
     return path, net
 

@@ -36,7 +36,8 @@ class LambertianPriorConfig:
     blocks : residual blocks of a branch: 3, 5, 6 or 7
     residual : shortcuts around the blocks
     concat : the deconvolution after which the prior enters the regressor: 2, 3, or 0 (not at all)
-    width : channels at full resolution; doubled at each of the two strides
+    width : channels at full resolution, doubled at each of the two strides; a multiple of 8 (strided 1 x 1 convolutions
+        of 4 channels make oneDNN 3.12 write beyond its memory)
     """
 
     prior: str = "woodham"
@@ -50,10 +51,10 @@ class LambertianPriorConfig:
     def __post_init__(self) -> None:
         if self.blocks not in LADDERS:
             raise InputError(f"{self.blocks} blocks came but a branch has 3, 5, 6 or 7; choose one of these.")
-        if self.branches not in (1, 2) or self.concat not in (0, 2, 3) or self.width < 1:
+        if self.branches not in (1, 2) or self.concat not in (0, 2, 3) or self.width % 8 or self.width < 1:
             raise InputError(
                 f"branches {self.branches}, concat {self.concat}, width {self.width} came; "
-                "branches is 1 or 2, concat 0, 2 or 3, width at least 1."
+                "branches is 1 or 2, concat 0, 2 or 3, width a multiple of 8."
             )
 
 

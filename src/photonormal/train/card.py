@@ -1,0 +1,67 @@
+"""The card beside a weights file: what it learned from, how, and how well it does."""
+
+from __future__ import annotations
+
+import json
+import platform
+from pathlib import Path
+from typing import Any
+
+import torch
+
+import photonormal
+from photonormal.solve.learned.network import Network, parameters
+from photonormal.solve.learned.weights import save
+
+LICENCE = "MIT"
+
+
+def export(out: Path, name: str, net: Network, trained: dict[str, Any]) -> Path:
+    """Write `name`.safetensors (bf16) and `name`.md into `out`; returns the weights file."""
+    path = out / f"{name}.safetensors"
+    digest = save(path, trained["network"], net, trained)
+    card(path, net, trained, digest)
+    return path
+
+
+def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None:
+    """Write the card of a weights file."""
+    rows = [
+        ("network", f"{trained['network']}, {parameters(net):,} parameters: `{net.config}`"),
+        (
+            "learned from",
+            f"scenes rendered by `photonormal.synth`, recipe `{trained['recipe']['stream']}`; no photographs",
+        ),
+        ("command", f"`{trained['command']}`"),
+        ("seed", trained["recipe"]["seed"]),
+        ("steps", f"{trained['steps']:,} of {trained['recipe']['batch']} samples"),
+        ("minutes", f"{trained['minutes']:.1f}"),
+        ("device", trained["device"]),
+        (
+            "software",
+            f"photonormal {photonormal.__version__}, torch {torch.__version__}, Python {platform.python_version()}",
+        ),
+        ("numbers", "bf16"),
+        ("licence", LICENCE),
+        ("sha256", digest),
+    ]
+    lines = [f"# {path.stem}", "", "| | |", "|---|---|", *[f"| {k} | {v} |" for k, v in rows], ""]
+    for title, errors in trained["errors"].items():
+        if errors:
+            lines += [f"## {title}", "", "| " + " | ".join(errors) + " |", "|" + "---|" * len(errors)]
+            lines += ["| " + " | ".join(f"{v:.2f}" for v in errors.values()) + " |", ""]
+    lines += ["## Recipe", "", "```json", json.dumps(trained["recipe"], indent=2), "```", ""]
+    path.with_suffix(".md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def device_name(device: torch.device) -> str:
+    """What the training ran on, in words."""
+    if device.type == "cuda":
+        return torch.cuda.get_device_name(device)
+    model = next((x.split(":")[1].strip() for x in _cpuinfo() if x.startswith("model name")), platform.processor())
+    return f"{model}, {torch.get_num_threads()} threads"
+
+
+def _cpuinfo() -> list[str]:
+    path = Path("/proc/cpuinfo")
+    return path.read_text().splitlines() if path.is_file() else []

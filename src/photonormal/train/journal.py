@@ -1,0 +1,81 @@
+"""What a training tells: a progress bar with rate and time left, lines of JSON, and TensorBoard."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import torch
+
+log = logging.getLogger(__name__)
+
+EVERY = 50  # steps between two entries
+MEMORY = 0.98  # share of the past in the running loss
+
+
+class Journal:
+    """The first process's record of a training, in `out`/journal.jsonl and `out`/tensorboard."""
+
+    def __init__(self, out: Path, step: int, steps: int, minutes: float | None) -> None:
+        self.file = out / "journal.jsonl"
+        self.steps, self.minutes = steps, minutes
+        self.last_step, self.last_time = step, time.monotonic()
+        self.losses: list[torch.Tensor] = []
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+
+            self.board: Any = SummaryWriter(out / "tensorboard", purge_step=step)
+        except ImportError:
+            self.board = None
+        self.bar: Any = None
+        if sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+            text = TextColumn("{task.description}")
+            self.bar = Progress(
+                text, BarColumn(), TimeElapsedColumn(), TimeRemainingColumn(), console=Console(stderr=True)
+            )
+            self.task = self.bar.add_task("starting", total=1.0)
+            self.bar.start()
+
+    def step(self, step: int, fraction: float, loss: torch.Tensor, rate: float, batch: int) -> None:
+        """Take note of one step; every EVERY steps, write it down."""
+        self.losses.append(loss)  # read only when written: a GPU need not wait
+        if self.bar:
+            self.bar.update(self.task, completed=fraction)
+        if step % EVERY and step != 1:
+            return
+        now = time.monotonic()
+        mean = float(torch.stack(self.losses).mean())
+        degrees = math.degrees(math.acos(max(-1.0, 1 - mean)))
+        samples = batch * (step - self.last_step) / max(now - self.last_time, 1e-9)
+        entry = {"loss": mean, "loss_angle_deg": degrees, "lr": rate, "samples_per_s": samples, "fraction": fraction}
+        self.write(step, "train", entry)
+        if self.bar:
+            self.bar.update(self.task, description=f"step {step}: loss {degrees:.2f} deg, {samples:.0f} samples/s")
+        self.losses, self.last_step, self.last_time = [], step, now
+
+    def write(self, step: int, kind: str, values: dict[str, float]) -> None:
+        """One entry, in all places."""
+        if not values:
+            return
+        entry = {"step": step, "kind": kind, **{k: round(v, 6) for k, v in values.items()}}
+        with self.file.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(entry) + "\n")
+        log.info("step %d, %s: %s", step, kind, ", ".join(f"{k} {v:.4g}" for k, v in values.items()))
+        if self.board:
+            for k, v in values.items():
+                self.board.add_scalar(f"{kind}/{k}", v, step)
+
+    def close(self) -> None:
+        """Finish the bar and the board."""
+        if self.bar:
+            self.bar.stop()
+        if self.board:
+            self.board.close()

@@ -1,0 +1,231 @@
+"""The training loop: one page, any network, any stream, one process or several.
+
+    torchrun --nproc-per-node 8 -m photonormal train paper --out runs/paper      (one process per GPU)
+
+Killed at any moment it resumes from its checkpoint and gives the numbers of a training that was never stopped.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterable
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import torch
+
+import photonormal
+from photonormal.solve.learned.network import Network, placed
+from photonormal.solve.learned.processor import bf16_pays, keep_freed_memory
+from photonormal.solve.learned.weights import build
+from photonormal.train import checkpoint, recipes
+from photonormal.train.card import device_name, export
+from photonormal.train.journal import Journal
+from photonormal.train.observe import Observed, observe
+from photonormal.train.recipes import Recipe
+from photonormal.train.validate import SEED, on_real, on_rendered
+from photonormal.types import InputError
+
+log = logging.getLogger(__name__)
+
+VALIDATION_BATCHES = 8
+
+
+def train(
+    recipe: str | Recipe,
+    out: str | Path,
+    minutes: float | None = None,
+    steps: int | None = None,
+    resume: bool = False,
+    device: str = "auto",
+    save_seconds: float = 60.0,
+    stream: Callable[..., Iterable] | None = None,
+    name: str = "",
+) -> Path:
+    """Train the network of a recipe; returns the weights file, `out`/NAME.safetensors, its card beside it.
+
+    Parameters
+    ----------
+    recipe : a key of photonormal.train.recipes.RECIPES, or a Recipe
+    out : folder of the checkpoint, the journal (journal.jsonl, TensorBoard) and the weights
+    minutes : wall-clock budget, earlier runs of a resumed training counted in; the schedule stretches to it
+    steps : length in place of the recipe's
+    resume : go on from the checkpoint in `out`
+    device : "auto", "cpu" or "cuda"
+    save_seconds : between checkpoints
+    stream : in place of `photonormal.synth.Stream`, called with (recipe, batch, device, seed, start_step)
+    name : of the weights file; empty: the recipe's name
+
+    Raises
+    ------
+    InputError
+        If the recipe or the device does not exist, `out` holds another training, or there is nothing to resume.
+    """
+    name = name or (recipe if isinstance(recipe, str) else recipe.network)
+    recipe = recipes.recipe(recipe) if isinstance(recipe, str) else recipe
+    out, steps = Path(out), steps or recipe.steps
+    keep_freed_memory()
+    fabric = launched(device)
+    rank, world = fabric.global_rank, fabric.world_size
+    if recipe.batch % world:
+        raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
+    state = prepared(out, recipe, resume, rank)
+    stream = stream or rendered()
+
+    torch.manual_seed(recipe.seed)
+    net: Network = placed(build(recipe.network, recipe.config), "cpu")
+    mean = {k: v.clone() for k, v in net.state_dict().items()} if recipe.ema else {}  # running mean of the weights
+    if state:
+        net.load_state_dict(state["network"])
+        mean = state["mean"]
+    optimiser = torch.optim.Adam(net.parameters(), lr=recipe.lr, fused=fabric.device.type == "cuda")
+    model, optimiser = fabric.setup(net, optimiser)
+    if state:
+        optimiser.load_state_dict(state["optimiser"])
+    mean = {k: v.to(fabric.device) for k, v in mean.items()}
+    step, before = (state["step"], state["seconds"]) if state else (0, 0.0)
+    # every process renders its own scenes; each has its own seed
+    batches = iter(stream(recipe.stream, recipe.batch // world, fabric.device, recipe.seed * 1000 + rank, step))
+    exam = list(islice(stream(recipe.stream, recipe.batch, fabric.device, SEED, 0), VALIDATION_BATCHES * (rank == 0)))
+    journal = Journal(out, step, steps, minutes) if rank == 0 else None
+    start = saved = time.monotonic()
+
+    def finish_step(last: bool) -> None:
+        """What the first process writes down after a step."""
+        nonlocal saved
+        assert journal is not None
+        now = time.monotonic()
+        if last or now - saved >= save_seconds:
+            weights, state = net.state_dict(), optimiser.state_dict()
+            told = {"step": step, "seconds": before + now - start, "recipe": recipe.as_dict()}
+            checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
+            saved = now
+        if step % recipe.validate == 0 and not last:
+            journal.write(step, "rendered", on_rendered(averaged(net, mean), exam, recipe))
+
+    fraction = 0.0
+    while step < steps:
+        seconds = (
+            fabric.all_reduce(torch.tensor(before + time.monotonic() - start), reduce_op="max") if minutes else 0.0
+        )
+        fraction = max(step / steps, float(seconds) / (60 * minutes) if minutes else 0.0)
+        if fraction >= 1:
+            break
+        lr = recipe.rate(step, fraction)
+        for group in optimiser.param_groups:
+            group["lr"] = lr
+        seen = observe(next(batches), recipe, net.scaling, step, rank)
+        loss = cosine_loss(model, seen, fabric)
+        optimiser.zero_grad()
+        fabric.backward(loss)
+        if recipe.clip:
+            fabric.clip_gradients(model, optimiser, max_norm=recipe.clip, error_if_nonfinite=False)
+        optimiser.step()
+        if recipe.ema:
+            follow(mean, net, min(recipe.ema, (1 + step) / (10 + step)))
+        step += 1
+        if journal:
+            journal.step(step, fraction, loss.detach(), lr, recipe.batch)
+            finish_step(last=False)
+    path = out / f"{name}.safetensors"
+    if journal:
+        finish_step(last=True)
+        net = averaged(net, mean)
+        errors = {"Rendered validation scenes": on_rendered(net, exam, recipe)}
+        errors["Real objects, all images (mean angular error, degrees)"] = on_real(net, fabric.device)
+        for title, found in errors.items():
+            journal.write(step, title, found)
+        spent = (before + time.monotonic() - start) / 60
+        told = {
+            "recipe": recipe.as_dict(),
+            "network": recipe.network,
+            "steps": step,
+            "minutes": spent,
+            "errors": errors,
+        }
+        told |= {"command": command(name, out, minutes, steps), "device": f"{world} x {device_name(fabric.device)}"}
+        export(out, name, net, told | version())
+        journal.close()
+    fabric.barrier()
+    return path
+
+
+def cosine_loss(model: Any, seen: Observed, fabric: Any) -> torch.Tensor:
+    """Mean of 1 - cos over the mask's pixels; its mean over the processes is the mean over all their pixels."""
+    N = model(seen.images, seen.lights, seen.prior)  # (b, 3, h, w)
+    error = (1 - (N * seen.normals).sum(1))[seen.mask[:, 0]]  # (p,)
+    pixels = fabric.all_reduce(torch.tensor(float(len(error)), device=error.device), reduce_op="mean")
+    return error.sum() / pixels
+
+
+def launched(device: str) -> Any:
+    """Fabric on one device, or on torchrun's processes, with bf16 inside the network where that pays."""
+    try:
+        from lightning_fabric import Fabric
+    except ImportError:
+        try:
+            from lightning.fabric import Fabric  # type: ignore[import-not-found]
+        except ImportError:
+            raise InputError("training needs Lightning Fabric; install it: pip install 'photonormal[train]'.") from None
+    from photonormal.solve.observations import torch_device
+
+    kind = torch_device(device).type
+    processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))
+    nodes = int(os.environ.get("WORLD_SIZE", processes)) // processes
+    fabric = Fabric(
+        accelerator=kind,
+        devices=processes,
+        num_nodes=nodes,
+        strategy="ddp" if processes * nodes > 1 else "auto",
+        precision="bf16-mixed" if bf16_pays(kind) else "32-true",
+    )
+    fabric.launch()
+    return fabric
+
+
+def prepared(out: Path, recipe: Recipe, resume: bool, rank: int) -> dict[str, Any] | None:
+    """The checkpoint to resume from, or None; refuses to write over another training."""
+    if resume:
+        return checkpoint.load(out, recipe.as_dict())
+    if rank == 0:
+        if (out / checkpoint.NAME).exists():
+            raise InputError(f"{out} already holds a training; resume it with --resume or choose another folder.")
+        out.mkdir(parents=True, exist_ok=True)
+    return None
+
+
+def rendered() -> Callable[..., Iterable]:
+    """The renderer's stream."""
+    from photonormal.synth import Stream
+
+    return Stream
+
+
+def follow(mean: dict[str, torch.Tensor], net: Network, decay: float) -> None:
+    """mean <- decay mean + (1 - decay) weights, for every tensor of the network."""
+    weights = net.state_dict()
+    for k, v in mean.items():
+        v.lerp_(weights[k], 1 - decay)
+
+
+def averaged(net: Network, mean: dict[str, torch.Tensor]) -> Network:
+    """A copy of the network with the running mean of its weights, or itself where there is none."""
+    if not mean:
+        return net
+    copy = type(net)(net.config)
+    copy.load_state_dict(mean)
+    return placed(copy, next(iter(mean.values())).device)
+
+
+def version() -> dict[str, str]:
+    """The software that trains."""
+    return {"photonormal": photonormal.__version__, "torch": str(torch.__version__)}
+
+
+def command(name: str, out: Path, minutes: float | None, steps: int) -> str:
+    """The command line that trains this again."""
+    budget = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
+    return f"photonormal train {name} --out {out} {budget}"

@@ -1,0 +1,130 @@
+"""Recipes: everything that decides what a training gives, as frozen dataclasses. Ablations are one line each."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from photonormal.types import InputError
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """One training.
+
+    Parameters
+    ----------
+    network, config : a name in solve.learned.weights.NETWORKS and the fields of its config that are not the default
+    stream : recipe of `photonormal.synth` that renders the scenes
+    images : fewest and most images of a sample; one number per batch, log-uniform between them
+    batch : samples in a step, over all processes together
+    steps : length of the training, where no `minutes` shorten it
+    lr, schedule, warmup : peak rate; "halving" (`pieces` of equal length, each at half the rate of the one before) or
+        "cosine" (down to 1 %); steps of linear rise before
+    clip : largest norm of the gradient; 0: any
+    ema : share of the past that the running mean of the weights keeps at each step; 0: none. Where there is one, it is
+        what validation measures and the weights file holds
+    priors : names of classical methods and their shares of the batches; "truth": the truth tilted by up to 30 degrees
+    gain : factors between which the exposure of a sample is drawn
+    light_error_deg, intensity_error, noise : standard deviations of each image's light direction (degrees), of its
+        intensity (relative), and of its pixels (relative to the mean)
+    corrupted : share of the images of half of the batches that have a patch too bright or too dark
+    turns : quarter turns and mirror images of every batch
+    seed : of the weights, the stream and all of the above
+    validate : steps between validations
+    """
+
+    network: str = "lambertian-prior"
+    config: dict[str, Any] = field(default_factory=dict)
+    stream: str = "paper"
+    images: tuple[int, int] = (32, 32)
+    batch: int = 24
+    steps: int = 140_600
+    lr: float = 2e-3
+    schedule: str = "halving"
+    pieces: int = 8
+    warmup: int = 0
+    clip: float = 0.0
+    ema: float = 0.0
+    priors: tuple[tuple[str, float], ...] = (("woodham", 1.0),)
+    gain: tuple[float, float] = (0.5, 2.0)
+    light_error_deg: float = 0.0
+    intensity_error: float = 0.0
+    noise: float = 0.0
+    corrupted: float = 0.0
+    turns: bool = False
+    seed: int = 0
+    validate: int = 2000
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.images[0] <= self.images[1]:
+            raise InputError(f"images {self.images} came but (fewest, most) is needed, at least 1 each.")
+        if self.schedule not in ("halving", "cosine"):
+            raise InputError(f"no schedule {self.schedule!r}; choose halving or cosine.")
+
+    def rate(self, step: int, fraction: float) -> float:
+        """Learning rate of a step, when `fraction` of the training, [0, 1), is done."""
+        from math import cos, pi
+
+        rise = min(1.0, (step + 1) / self.warmup) if self.warmup else 1.0
+        if self.schedule == "halving":
+            return self.lr * rise * 0.5 ** int(self.pieces * min(fraction, 1 - 1e-9))
+        return self.lr * rise * (0.01 + 0.99 * (1 + cos(pi * min(fraction, 1.0))) / 2)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fields, as JSON has them."""
+        return asdict(self)
+
+
+PAPER = Recipe(noise=0.05 / 12**0.5)  # 40 epochs of 84,360 samples; noise of the width of the published code's
+PSFCN = replace(PAPER, network="psfcn", priors=(), lr=1e-3, pieces=6, batch=32, steps=79_100)
+
+
+def _paper(**config: Any) -> Recipe:
+    return replace(PAPER, config=config)
+
+
+CPU = replace(
+    PAPER,
+    config={"width": 16},
+    images=(16, 32),
+    batch=16,
+    steps=60_000,
+    schedule="cosine",
+    warmup=200,
+    clip=1.0,
+    ema=0.999,
+    noise=0.02,
+    intensity_error=0.01,
+    turns=True,
+)  # for hours on two cores: a sixteenth of the paper network's work
+
+RECIPES = {
+    "paper": PAPER,
+    # Table 1: what the prior is, where it enters, residual or plain
+    "paper-no-prior": replace(_paper(prior=""), priors=()),
+    "paper-prior-rpca": replace(_paper(prior="rpca"), priors=(("rpca", 1.0),)),
+    "paper-plain": _paper(residual=False),
+    "paper-concat-3": _paper(concat=3),
+    "paper-concat-none": _paper(concat=0),
+    # the extractor: blocks and branches
+    "paper-3-blocks": _paper(blocks=3),
+    "paper-5-blocks": _paper(blocks=5),
+    "paper-7-blocks": _paper(blocks=7),
+    "paper-single-branch": _paper(branches=1),
+    "paper-independent-branches": _paper(exchange=False),
+    # Tables 2 and 3: images seen in training
+    "paper-10-images": replace(PAPER, images=(10, 10)),
+    "paper-64-images": replace(PAPER, images=(64, 64)),
+    # the baselines in the same conditions
+    "psfcn": PSFCN,
+    "psfcn-normalised": replace(PSFCN, config={"normalised": True}),
+    "cpu": CPU,
+}
+
+
+def recipe(name: str) -> Recipe:
+    """A recipe by its name."""
+    if name not in RECIPES:
+        raise InputError(f"no recipe {name!r}; choose from {', '.join(RECIPES)}.")
+    return RECIPES[name]

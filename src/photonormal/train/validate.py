@@ -1,0 +1,65 @@
+"""How good a network is, by its prior's measure: on rendered scenes of a fixed seed and on real objects."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from photonormal.capture import load
+from photonormal.score import score
+from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.network import Network
+from photonormal.solve.learned.processor import inner_precision
+from photonormal.train.observe import observe
+from photonormal.train.recipes import Recipe
+
+SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
+OBJECTS = ("ball", "bear", "cat", "reading")
+
+
+def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
+    """Angles between normals (b, 3, h, w) at all mask pixels, in degrees (p,)."""
+    a, b = (x.movedim(1, -1)[mask[:, 0]].double() for x in (N, truth))
+    return torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)).rad2deg()
+
+
+@torch.no_grad()
+def on_rendered(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, float]:
+    """Mean angular error of the network and of its prior, and the network's shares below 15 and 30 degrees (%)."""
+    net.eval()
+    ours, priors = [], []
+    for i, batch in enumerate(batches):
+        seen = observe(batch, recipe, net.scaling, i, disturb=False)
+        with inner_precision(seen.images.device):
+            N = net(seen.images, seen.lights, seen.prior)
+        ours.append(errors_deg(N, seen.normals, seen.mask))
+        priors.append(errors_deg(seen.prior, seen.normals, seen.mask))
+    net.train()
+    e = torch.cat(ours)
+    found = {"mean_deg": float(e.mean()), "below_15": 100 * float((e < 15).double().mean())}
+    found["below_30"] = 100 * float((e < 30).double().mean())
+    return found | ({"prior_deg": float(torch.cat(priors).mean())} if recipe.priors else {})
+
+
+def real_folder() -> Path | None:
+    """DiLiGenT's objects under PHOTONORMAL_DATA; None where they are not."""
+    folder = Path(os.environ.get("PHOTONORMAL_DATA", "")) / "diligent" / "pmsData"
+    return folder if "PHOTONORMAL_DATA" in os.environ and folder.is_dir() else None
+
+
+def on_real(net: Network, device: torch.device, images: str = "") -> dict[str, float]:
+    """Mean angular error on each real object, and their mean; empty where there are none."""
+    folder = real_folder()
+    objects = [o for o in OBJECTS if folder and (folder / f"{o}PNG").is_dir()]
+    found = {}
+    for name in objects:
+        capture = load(folder / f"{name}PNG", images=images)  # type: ignore[operator]
+        if capture.truth is not None:
+            found[name] = score(measure(net, capture, device), capture.truth).mean_deg
+    net.train()
+    return found | ({"mean": float(np.mean(list(found.values())))} if found else {})

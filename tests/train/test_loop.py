@@ -1,0 +1,218 @@
+"""Training: it learns, it resumes as if it had never stopped, and two processes are one with the double batch."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from photonormal.solve.learned.weights import load
+from photonormal.train import checkpoint, loop
+from photonormal.train.recipes import Recipe
+from photonormal.types import InputError
+from tests.train.toy import Toy
+
+TINY = Recipe(
+    config={"width": 8}, stream="5", images=(3, 5), batch=4, steps=12, warmup=4, schedule="cosine", clip=1.0, ema=0.9,
+    noise=0.01, intensity_error=0.01, light_error_deg=0.5, corrupted=0.1, turns=True, validate=6,
+)  # fmt: skip
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    monkeypatch.delenv("PHOTONORMAL_DATA", raising=False)
+    monkeypatch.setattr(loop, "VALIDATION_BATCHES", 2)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(threads)
+
+
+def run(out, recipe=TINY, **options):
+    return loop.train(recipe, out, device="cpu", stream=Toy, **options)
+
+
+def journal(out):
+    return [json.loads(line) for line in (out / "journal.jsonl").read_text().splitlines()]
+
+
+def same(a, b):
+    a, b = (torch.load(x / checkpoint.NAME, weights_only=True) for x in (a, b))
+    assert a["step"] == b["step"]
+    for part in ("network", "mean"):
+        for k in a[part]:
+            torch.testing.assert_close(a[part][k], b[part][k], atol=0, rtol=0)
+
+
+def test_a_network_becomes_better_than_its_prior(tmp_path):
+    """One that equals its prior looks plausible and has learned nothing."""
+    recipe = Recipe(
+        config={"width": 8}, stream="8", images=(8, 8), batch=8, steps=400, warmup=40, schedule="cosine", clip=1.0,
+        validate=1000,
+    )  # fmt: skip
+    run(tmp_path, recipe)
+    found = journal(tmp_path)[-1]
+    assert found["mean_deg"] < 0.9 * found["prior_deg"], found
+    net = load(tmp_path / "lambertian-prior.safetensors", "lambertian-prior")
+    assert net.config.width == 8
+
+
+def test_resumed_training_gives_the_same_numbers(tmp_path):
+    whole, parts = tmp_path / "whole", tmp_path / "parts"
+    run(whole)
+    run_steps(parts, 5)
+    assert checkpoint.load(parts, TINY.as_dict())["step"] == 5
+    run(parts, resume=True)
+    same(whole, parts)
+    a, b = ([e for e in journal(x) if e["kind"] == "rendered"] for x in (whole, parts))
+    assert [e["mean_deg"] for e in a] == [e["mean_deg"] for e in b]
+
+
+def run_steps(out, steps):
+    """Train until the checkpoint after `steps`, then stop without warning."""
+
+    class Stopped(Exception):
+        pass
+
+    class Broken(Toy):
+        def __iter__(self):
+            for i, batch in enumerate(super().__iter__()):
+                if i == steps and self.seed != loop.SEED:
+                    raise Stopped
+                yield batch
+
+    with pytest.raises(Stopped):
+        loop.train(TINY, out, device="cpu", stream=Broken, save_seconds=0)
+
+
+def test_killed_training_resumes(tmp_path):
+    """Killed by the system at no matter what moment."""
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    code = f"""
+import torch
+torch.set_num_threads(1)
+from photonormal.train import loop
+from tests.train.test_loop import TINY
+from tests.train.toy import Toy
+from dataclasses import replace
+loop.VALIDATION_BATCHES = 2
+loop.train(replace(TINY, steps=10**6), {str(killed)!r}, device="cpu", stream=Toy, save_seconds=0)
+"""
+    process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
+    try:
+        deadline = time.monotonic() + 120
+        while not (killed / checkpoint.NAME).exists():
+            assert process.poll() is None, process.stderr.read().decode()
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        process.stderr.close()
+    long = replace(TINY, steps=10**6)
+    step = checkpoint.load(killed, long.as_dict())["step"]
+    run(killed, long, resume=True, steps=step + 3)
+    run(whole, long, steps=step + 3)
+    same_but_for_the_schedule(killed, whole)
+
+
+def same_but_for_the_schedule(a, b):
+    """The rate follows the length of the training, which was another before the kill: to a millionth."""
+    a, b = (torch.load(x / checkpoint.NAME, weights_only=True) for x in (a, b))
+    assert a["step"] == b["step"]
+    for k in a["network"]:
+        torch.testing.assert_close(a["network"][k], b["network"][k], atol=0.02, rtol=0.1)
+
+
+def test_minutes_end_a_training_annealed(tmp_path):
+    run(tmp_path, replace(TINY, steps=10**7, warmup=0), minutes=0.05)
+    rates = [e["lr"] for e in journal(tmp_path) if e["kind"] == "train"]
+    state = torch.load(tmp_path / checkpoint.NAME, weights_only=True)
+    assert state["step"] < 10**6
+    assert state["optimiser"]["param_groups"][0]["lr"] < 0.1 * rates[0]
+
+
+def test_what_is_there_is_not_overwritten(tmp_path):
+    run(tmp_path, replace(TINY, steps=1))
+    with pytest.raises(InputError, match="already holds a training; resume it with --resume"):
+        run(tmp_path)
+    with pytest.raises(InputError, match="has another batch than this recipe"):
+        run(tmp_path, replace(TINY, steps=1, batch=6), resume=True)
+    with pytest.raises(InputError, match=r"no checkpoint in .* to resume from"):
+        run(tmp_path / "empty", resume=True)
+    (tmp_path / checkpoint.NAME).write_bytes(b"PK half a file")
+    with pytest.raises(InputError, match="can't be read"):
+        run(tmp_path, replace(TINY, steps=1), resume=True)
+
+
+def test_the_card_says_what_the_weights_are(tmp_path):
+    path = run(tmp_path, replace(TINY, steps=2), name="mine")
+    text = path.with_suffix(".md").read_text()
+    for fact in (
+        "lambertian-prior",
+        "| seed | 0 |",
+        "| steps | 2 of 4 samples |",
+        "MIT",
+        "photonormal train mine",
+        "mean_deg",
+    ):
+        assert fact in text
+    load(path)  # the checksum on the card holds
+
+
+WORKER = """
+import sys, torch
+torch.set_num_threads(1)
+from photonormal.solve.learned.network import placed
+from photonormal.solve.learned.weights import build
+from photonormal.train import loop
+from photonormal.train.observe import observe
+from photonormal.train.recipes import Recipe
+from tests.train.toy import Toy
+
+out, world = sys.argv[1], int(sys.argv[2])
+fabric = loop.launched("cpu")
+assert fabric.world_size == world
+torch.manual_seed(0)
+net = placed(build("lambertian-prior", {"width": 8}), "cpu")
+model, optimiser = fabric.setup(net, torch.optim.SGD(net.parameters(), lr=0.1))
+images, lights, normals, mask = next(iter(Toy("5", 4, "cpu", 3)))
+mask[:2, :, :9] = False  # the halves have different numbers of pixels
+mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // world)
+batch = [x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)]
+loss = loop.cosine_loss(model, observe(batch, Recipe(images=(5, 5)), net.scaling, 0, disturb=False), fabric)
+fabric.backward(loss)
+if fabric.global_rank == 0:
+    torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")
+if world == 2:
+    recipe = Recipe(config={"width": 8}, stream="5", images=(5, 5), batch=4, steps=3)
+    loop.VALIDATION_BATCHES = 1
+    loop.train(recipe, out + "/ddp", device="cpu", stream=Toy)
+"""
+
+
+def test_two_processes_have_the_gradient_of_one_with_the_double_batch(tmp_path):
+    script = tmp_path / "worker.py"
+    script.write_text(WORKER)
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'src'}", "OMP_NUM_THREADS": "1"}
+    environment.pop("PHOTONORMAL_DATA", None)
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", "2"]
+    for start, world in (([sys.executable], 1), (torchrun, 2)):
+        subprocess.run(
+            [*start, str(script), str(tmp_path), str(world)],
+            env=environment,
+            check=True,
+            capture_output=True,
+            timeout=300,
+        )
+    one, two = (torch.load(tmp_path / f"{world}.pt", weights_only=True) for world in (1, 2))
+    for k in one:
+        torch.testing.assert_close(one[k], two[k], atol=1e-6, rtol=1e-4)
+    assert (tmp_path / "ddp" / "lambertian-prior.safetensors").exists()

@@ -1,0 +1,94 @@
+"""What a network is shown: drawn by seed and step alone, turned consistently, with a prior of the same images."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from photonormal.train.observe import observe, tilted, turn
+from photonormal.train.recipes import RECIPES, Recipe, recipe
+from photonormal.types import InputError
+from tests.train.toy import Toy, scenes
+
+PLAIN = Recipe(images=(4, 8))
+
+
+def batch(seed=0):
+    return scenes(3, 8, 16, torch.Generator().manual_seed(seed))
+
+
+def test_the_same_step_shows_the_same():
+    loud = replace(PLAIN, noise=0.02, intensity_error=0.02, light_error_deg=1.0, corrupted=0.5, turns=True)
+    for step in range(4):
+        a, b = (observe(batch(), loud, "exposure", step) for _ in range(2))
+        for x, y in zip(a, b, strict=True):
+            torch.testing.assert_close(x, y, atol=0, rtol=0)
+    assert len({observe(batch(), loud, "exposure", step).images.sum().item() for step in range(6)}) == 6
+    assert (
+        observe(batch(), loud, "exposure", 0, rank=1).images.sum() != observe(batch(), loud, "exposure", 0).images.sum()
+    )
+
+
+def test_the_number_of_images_spans_its_range():
+    seen = {observe(batch(), PLAIN, "exposure", step).images.shape[1] for step in range(60)}
+    assert seen == {4, 5, 6, 7, 8}
+
+
+@pytest.mark.parametrize("case", range(8))
+def test_a_turned_matt_scene_is_still_one(case):
+    """I = n.l holds for turned images, lights and normals: they turn together."""
+    _, lights, normals, mask = batch()
+    shading = torch.einsum("bnc,bchw->bnhw", lights, normals).clamp(min=0)[:, :, None]
+    images, l, n, m = turn(shading, lights, normals, mask, case)
+    torch.testing.assert_close(torch.einsum("bnc,bchw->bnhw", l, n).clamp(min=0)[:, :, None], images)
+    assert (m.sum(), case % 2) == (mask.sum(), case % 2)
+    torch.testing.assert_close(n.norm(dim=1), m[:, 0].float())
+
+
+def test_least_squares_prior_of_a_matt_scene_is_the_truth():
+    _, lights, normals, mask = batch()
+    images = (torch.einsum("bnc,bchw->bnhw", lights, normals) + 1)[:, :, None] * mask[:, None]
+    lifted = torch.einsum("bnc,bchw->bnhw", lights, normals)[:, :, None] * mask[:, None]  # no shadow: linear
+    seen = observe((lifted, lights, normals, mask), Recipe(images=(8, 8)), "grey", 0, disturb=False)
+    torch.testing.assert_close(seen.prior, normals, atol=1e-4, rtol=0)
+    assert not torch.allclose(observe((images, lights, normals, mask), PLAIN, "grey", 0).prior, normals, atol=1e-2)
+
+
+def test_every_named_prior_is_made():
+    for name in ("woodham", "trimmed", "truth"):
+        seen = observe(batch(), replace(PLAIN, priors=((name, 1.0),)), "exposure", 0)
+        length = seen.prior.norm(dim=1)
+        torch.testing.assert_close(length, seen.mask[:, 0].float(), atol=1e-4, rtol=0)
+    assert not observe(batch(), replace(PLAIN, priors=()), "exposure", 0).prior.any()
+
+
+def test_the_tilted_truth_is_near_the_truth():
+    _, _, normals, mask = batch()
+    N = tilted(normals, torch.Generator().manual_seed(0))
+    cos = (N * normals).sum(1)[mask[:, 0]]
+    assert 0.85 < cos.min() and cos.max() < 1 and cos.mean() < 0.999
+
+
+def test_the_toy_resumes():
+    third = [next(iter(Toy("4", 2, "cpu", 1, start_step=2)))]
+    stream = iter(Toy("4", 2, "cpu", 1))
+    torch.testing.assert_close([next(stream) for _ in range(3)][2].images, third[0].images)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_every_recipe_builds_its_network_and_has_a_falling_rate(name):
+    from photonormal.solve.learned.weights import build
+
+    r = recipe(name)
+    build(r.network, r.config)
+    rates = [r.rate(r.warmup + i, i / 100) for i in range(100)]
+    assert rates == sorted(rates, reverse=True)
+    assert rates[0] == r.lr and rates[-1] < 0.02 * r.lr + 1e-4
+    assert bool(r.priors) == bool(build(r.network, r.config).config.prior)
+
+
+def test_unknown_recipes_are_named():
+    with pytest.raises(InputError, match="no recipe 'papper'; choose from paper"):
+        recipe("papper")
+    with pytest.raises(InputError, match="no schedule 'linear'"):
+        Recipe(schedule="linear")

@@ -13,14 +13,14 @@ import pytest
 import torch
 
 from photonormal.solve.learned.weights import load
-from photonormal.train import checkpoint, loop
+from photonormal.train import checkpoint, loop, validate
 from photonormal.train.recipes import Recipe
 from photonormal.types import InputError
 from tests.train.toy import Toy
 
 TINY = Recipe(
-    config={"width": 8}, stream="5", images=(3, 5), batch=4, steps=12, warmup=4, schedule="cosine", clip=1.0, ema=0.9,
-    noise=0.01, intensity_error=0.01, light_error_deg=0.5, corrupted=0.1, turns=True, validate=6,
+    config={"width": 8}, images=(3, 5), batch=4, steps=12, warmup=4, schedule="cosine", clip=1.0, ema=0.9,
+    turns=True, reuse=2, ring=3, validate=6,
 )  # fmt: skip
 ROOT = Path(__file__).parents[2]
 
@@ -28,7 +28,7 @@ ROOT = Path(__file__).parents[2]
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     monkeypatch.delenv("PHOTONORMAL_DATA", raising=False)
-    monkeypatch.setattr(loop, "VALIDATION_BATCHES", 2)
+    monkeypatch.setattr(validate, "BATCHES", 2)
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     yield
@@ -54,7 +54,7 @@ def same(a, b):
 def test_a_network_becomes_better_than_its_prior(tmp_path):
     """One that equals its prior looks plausible and has learned nothing."""
     recipe = Recipe(
-        config={"width": 8}, stream="8", images=(8, 8), batch=8, steps=400, warmup=40, schedule="cosine", clip=1.0,
+        config={"width": 8}, images=(8, 8), batch=8, steps=400, warmup=40, schedule="cosine", clip=1.0,
         validate=1000,
     )  # fmt: skip
     run(tmp_path, recipe)
@@ -67,11 +67,11 @@ def test_a_network_becomes_better_than_its_prior(tmp_path):
 def test_resumed_training_gives_the_same_numbers(tmp_path):
     whole, parts = tmp_path / "whole", tmp_path / "parts"
     run(whole)
-    run_steps(parts, 5)
-    assert checkpoint.load(parts, TINY.as_dict())["step"] == 5
+    run_steps(parts, 8)
+    assert checkpoint.load(parts, TINY.as_dict())["step"] == 8
     run(parts, resume=True)
     same(whole, parts)
-    a, b = ([e for e in journal(x) if e["kind"] == "rendered"] for x in (whole, parts))
+    a, b = ([e for e in journal(x) if e["kind"] == "clean"] for x in (whole, parts))
     assert [e["mean_deg"] for e in a] == [e["mean_deg"] for e in b]
 
 
@@ -84,7 +84,7 @@ def run_steps(out, steps):
     class Broken(Toy):
         def __iter__(self):
             for i, batch in enumerate(super().__iter__()):
-                if i == steps and self.seed != loop.SEED:
+                if 2 * i == steps and self.seed != validate.SEED:  # every batch is used twice
                     raise Stopped
                 yield batch
 
@@ -98,11 +98,11 @@ def test_killed_training_resumes(tmp_path):
     code = f"""
 import torch
 torch.set_num_threads(1)
-from photonormal.train import loop
+from photonormal.train import loop, validate
 from tests.train.test_loop import TINY
 from tests.train.toy import Toy
 from dataclasses import replace
-loop.VALIDATION_BATCHES = 2
+validate.BATCHES = 2
 loop.train(replace(TINY, steps=10**6), {str(killed)!r}, device="cpu", stream=Toy, save_seconds=0)
 """
     process = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stderr=subprocess.PIPE)
@@ -175,7 +175,7 @@ from photonormal.solve.learned.weights import build
 from photonormal.train import loop
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
-from tests.train.toy import Toy
+from tests.train.toy import Batch, Toy
 
 out, world = sys.argv[1], int(sys.argv[2])
 fabric = loop.launched("cpu")
@@ -183,17 +183,16 @@ assert fabric.world_size == world
 torch.manual_seed(0)
 net = placed(build("lambertian-prior", {"width": 8}), "cpu")
 model, optimiser = fabric.setup(net, torch.optim.SGD(net.parameters(), lr=0.1))
-images, lights, normals, mask = next(iter(Toy("5", 4, "cpu", 3)))
+images, lights, normals, mask = next(iter(Toy("", 4, "cpu", 3)))
 mask[:2, :, :9] = False  # the halves have different numbers of pixels
 mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // world)
-batch = [x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)]
-loss = loop.cosine_loss(model, observe(batch, Recipe(images=(5, 5)), net.scaling, 0, disturb=False), fabric)
+batch = Batch(*(x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)))
+loss = loop.cosine_loss(model, observe(batch, Recipe(images=(5, 5)), net.scaling, 0, vary=False), fabric)
 fabric.backward(loss)
 if fabric.global_rank == 0:
     torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")
 if world == 2:
-    recipe = Recipe(config={"width": 8}, stream="5", images=(5, 5), batch=4, steps=3)
-    loop.VALIDATION_BATCHES = 1
+    recipe = Recipe(config={"width": 8}, images=(5, 5), batch=4, steps=3)
     loop.train(recipe, out + "/ddp", device="cpu", stream=Toy)
 """
 

@@ -1,5 +1,6 @@
 """What a network is shown: drawn by seed and step alone, turned consistently, with a prior of the same images."""
 
+import itertools
 from dataclasses import replace
 
 import pytest
@@ -7,18 +8,19 @@ import torch
 
 from photonormal.train.observe import observe, tilted, turn
 from photonormal.train.recipes import RECIPES, Recipe, recipe
+from photonormal.train.replay import replayed
 from photonormal.types import InputError
-from tests.train.toy import Toy, scenes
+from tests.train.toy import Batch, Toy, scenes
 
 PLAIN = Recipe(images=(4, 8))
 
 
 def batch(seed=0):
-    return scenes(3, 8, 16, torch.Generator().manual_seed(seed))
+    return Batch(*scenes(3, 8, 16, torch.Generator().manual_seed(seed)))
 
 
 def test_the_same_step_shows_the_same():
-    loud = replace(PLAIN, noise=0.02, intensity_error=0.02, light_error_deg=1.0, corrupted=0.5, turns=True)
+    loud = replace(PLAIN, priors=(("woodham", 0.5), ("truth", 0.5)), turns=True)
     for step in range(4):
         a, b = (observe(batch(), loud, "exposure", step) for _ in range(2))
         for x, y in zip(a, b, strict=True):
@@ -49,9 +51,9 @@ def test_least_squares_prior_of_a_matt_scene_is_the_truth():
     _, lights, normals, mask = batch()
     images = (torch.einsum("bnc,bchw->bnhw", lights, normals) + 1)[:, :, None] * mask[:, None]
     lifted = torch.einsum("bnc,bchw->bnhw", lights, normals)[:, :, None] * mask[:, None]  # no shadow: linear
-    seen = observe((lifted, lights, normals, mask), Recipe(images=(8, 8)), "grey", 0, disturb=False)
+    seen = observe(Batch(lifted, lights, normals, mask), Recipe(images=(8, 8)), "grey", 0, vary=False)
     torch.testing.assert_close(seen.prior, normals, atol=1e-4, rtol=0)
-    assert not torch.allclose(observe((images, lights, normals, mask), PLAIN, "grey", 0).prior, normals, atol=1e-2)
+    assert not torch.allclose(observe(Batch(images, lights, normals, mask), PLAIN, "grey", 0).prior, normals, atol=1e-2)
 
 
 def test_every_named_prior_is_made():
@@ -70,8 +72,8 @@ def test_the_tilted_truth_is_near_the_truth():
 
 
 def test_the_toy_resumes():
-    third = [next(iter(Toy("4", 2, "cpu", 1, start_step=2)))]
-    stream = iter(Toy("4", 2, "cpu", 1))
+    third = [next(iter(Toy("", 2, "cpu", 1, start_step=2)))]
+    stream = iter(Toy("", 2, "cpu", 1))
     torch.testing.assert_close([next(stream) for _ in range(3)][2].images, third[0].images)
 
 
@@ -92,3 +94,19 @@ def test_unknown_recipes_are_named():
         recipe("papper")
     with pytest.raises(InputError, match="no schedule 'linear'"):
         Recipe(schedule="linear")
+
+
+def test_a_ring_of_batches_resumes():
+    """Every batch comes when it is new; what comes between is one of the last; a late start yields the same."""
+    recipe = Recipe(reuse=3, ring=4)
+
+    def source(start_step):
+        return itertools.count(start_step)
+
+    whole = list(itertools.islice(replayed(source, 0, recipe), 60))
+    assert whole[::3] == list(range(20))
+    assert all(step // 3 - 4 < k <= step // 3 for step, k in enumerate(whole))
+    assert len(set(whole[1::3])) > 5
+    for start in (1, 5, 30, 44):
+        assert list(itertools.islice(replayed(source, start, recipe), 60 - start)) == whole[start:]
+    assert list(itertools.islice(replayed(source, 7, Recipe()), 5)) == [7, 8, 9, 10, 11]

@@ -46,8 +46,13 @@ def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None
         ("sha256", digest),
     ]
     lines = [f"# {path.stem}", "", "| | |", "|---|---|", *[f"| {k} | {v} |" for k, v in rows], ""]
-    for title, errors in trained["errors"].items():
-        if errors:
+    titles = {
+        "clean": "Rendered scenes, held-out materials",
+        "hemisphere": "The same under lights from everywhere, noisy",
+        "real": "Real objects, all images: mean angular error, degrees",
+    }
+    for kind, title in titles.items():
+        if errors := trained["errors"][kind]:
             lines += [f"## {title}", "", "| " + " | ".join(errors) + " |", "|" + "---|" * len(errors)]
             lines += ["| " + " | ".join(f"{v:.2f}" for v in errors.values()) + " |", ""]
     lines += ["## Recipe", "", "```json", json.dumps(trained["recipe"], indent=2), "```", ""]

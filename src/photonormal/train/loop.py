@@ -11,7 +11,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterable
-from itertools import islice
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,12 +26,11 @@ from photonormal.train.card import device_name, export
 from photonormal.train.journal import Journal
 from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
-from photonormal.train.validate import SEED, on_real, on_rendered
+from photonormal.train.replay import replayed
+from photonormal.train.validate import examined, on_real, on_rendered
 from photonormal.types import InputError
 
 log = logging.getLogger(__name__)
-
-VALIDATION_BATCHES = 8
 
 
 def train(
@@ -88,8 +87,10 @@ def train(
     mean = {k: v.to(fabric.device) for k, v in mean.items()}
     step, before = (state["step"], state["seconds"]) if state else (0, 0.0)
     # every process renders its own scenes; each has its own seed
-    batches = iter(stream(recipe.stream, recipe.batch // world, fabric.device, recipe.seed * 1000 + rank, step))
-    exam = list(islice(stream(recipe.stream, recipe.batch, fabric.device, SEED, 0), VALIDATION_BATCHES * (rank == 0)))
+    lights = {"lights": (recipe.images[1], recipe.images[1])} | recipe.rendering
+    source = partial(stream, recipe.stream, recipe.batch // world, fabric.device, recipe.seed * 1000 + rank, **lights)
+    batches = replayed(source, step, recipe)
+    exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
     journal = Journal(out, step, steps, minutes) if rank == 0 else None
     start = saved = time.monotonic()
 
@@ -104,7 +105,8 @@ def train(
             checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
             saved = now
         if step % recipe.validate == 0 and not last:
-            journal.write(step, "rendered", on_rendered(averaged(net, mean), exam, recipe))
+            for kind, exam in exams.items():
+                journal.write(step, kind, on_rendered(averaged(net, mean), exam, recipe))
 
     fraction = 0.0
     while step < steps:
@@ -134,8 +136,8 @@ def train(
     if journal:
         finish_step(last=True)
         net = averaged(net, mean)
-        errors = {"Rendered validation scenes": on_rendered(net, exam, recipe)}
-        errors["Real objects, all images (mean angular error, degrees)"] = on_real(net, fabric.device)
+        errors = {kind: on_rendered(net, exam, recipe) for kind, exam in exams.items()}
+        errors["real"] = on_real(net, fabric.device)
         for title, found in errors.items():
             journal.write(step, title, found)
         spent = (before + time.monotonic() - start) / 60

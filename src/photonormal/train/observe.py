@@ -1,4 +1,4 @@
-"""From a rendered batch to what a network is shown: fewer images, disturbed as real ones are, with a prior.
+"""From a rendered batch to what a network is shown: some of its images, turned, scaled, with a prior.
 
 Every draw depends on the seed, the step and the process alone, so a resumed training sees what an unbroken one does.
 """
@@ -16,7 +16,6 @@ from photonormal.solve.learned.network import grey, moment, scaled
 from photonormal.train.recipes import Recipe
 
 TILT_DEG = 30.0  # of the prior that is made from the truth
-CUT = (0.1, 0.9)  # sides of a corrupted patch, relative to the crop's
 
 
 class Observed(NamedTuple):
@@ -29,15 +28,15 @@ class Observed(NamedTuple):
     mask: Tensor  # (b, 1, h, w)
 
 
-def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, disturb: bool = True) -> Observed:
+def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, vary: bool = True) -> Observed:
     """What the network is shown of a rendered batch (images, lights, normals, mask).
 
-    `disturb` False, for validation: the first `recipe.images[1]` images as they are, the first of the recipe's priors.
+    `vary` False, for validation: the first `recipe.images[1]` images as they are, the first of the recipe's priors.
     """
-    images, lights, normals, mask = batch
+    images, lights, normals, mask = batch.images, batch.lights, batch.normals, batch.mask
     draw = torch.Generator().manual_seed(hash((recipe.seed, step, rank)) % 2**62)
     n = images.shape[1]
-    if disturb:
+    if vary:
         low, high = (torch.tensor(float(min(k, n))).log() for k in recipe.images)
         k = int((low + (high - low) * torch.rand((), generator=draw)).exp().round())
         kept = torch.randperm(n, generator=draw)[:k].to(images.device)
@@ -46,26 +45,25 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
             images, lights, normals, mask = turn(
                 images, lights, normals, mask, int(torch.randint(8, (), generator=draw))
             )
-        images, lights = spoil(images, lights, mask, recipe, draw)
     else:
         images, lights = images[:, : recipe.images[1]], lights[:, : recipe.images[1]]
-    prior = prior_normals(images, lights, normals, mask, recipe, draw, disturb)
+    prior = prior_normals(images, lights, normals, mask, recipe, draw, vary)
     moments = moment(scaling, images, mask)
     x = scaled(scaling, images, mask, moments, images.shape[1])
-    if disturb and scaling == "exposure":
+    if vary and scaling == "exposure":
         low, high = (torch.tensor(float(g)).log() for g in recipe.gain)
         x = x * (low + (high - low) * torch.rand(len(x), 1, 1, 1, 1, generator=draw)).exp().to(x)
     return Observed(x, lights, prior, normals * mask, mask)
 
 
 def prior_normals(
-    images: Tensor, lights: Tensor, normals: Tensor, mask: Tensor, recipe: Recipe, draw: torch.Generator, mixed: bool
+    images: Tensor, lights: Tensor, normals: Tensor, mask: Tensor, recipe: Recipe, draw: torch.Generator, vary: bool
 ) -> Tensor:
     """Normals (b, 3, h, w) of a classical method from these very images, zero outside the mask."""
     if not recipe.priors:
         return torch.zeros_like(normals)
     shares = torch.tensor([share for _, share in recipe.priors])
-    name = recipe.priors[int(torch.multinomial(shares, 1, generator=draw)) if mixed else 0][0]
+    name = recipe.priors[int(torch.multinomial(shares, 1, generator=draw)) if vary else 0][0]
     if name == "truth":
         N = tilted(normals, draw)
     else:
@@ -94,32 +92,3 @@ def turn(images: Tensor, lights: Tensor, normals: Tensor, mask: Tensor, case: in
         lights = torch.stack([-lights[..., 1], lights[..., 0], lights[..., 2]], dim=-1)
         normals = torch.stack([-normals[:, 1], normals[:, 0], normals[:, 2]], dim=1)
     return images, lights, normals, mask
-
-
-def spoil(images: Tensor, lights: Tensor, mask: Tensor, recipe: Recipe, draw: torch.Generator) -> tuple[Tensor, Tensor]:
-    """Errors of intensity, light direction and pixels, and corrupted patches."""
-    b, k, _, h, w = images.shape
-
-    def randn(*shape: int) -> Tensor:
-        return torch.randn(shape, generator=draw).to(images)
-
-    if recipe.intensity_error:
-        images = images * (1 + recipe.intensity_error * randn(b, k, 1, 1, 1)).clamp(min=0.1)
-    if recipe.corrupted and torch.rand((), generator=draw) < 0.5:
-        size = CUT[0] + (CUT[1] - CUT[0]) * torch.rand(b, k, 2, generator=draw)  # (b, k, 2) of the crop's sides
-        start = (1 - size) * torch.rand(b, k, 2, generator=draw)
-        y, x = torch.arange(h) / h, torch.arange(w) / w
-        rows = (y >= start[..., :1]) & (y < start[..., :1] + size[..., :1])  # (b, k, h)
-        columns = (x >= start[..., 1:]) & (x < start[..., 1:] + size[..., 1:])  # (b, k, w)
-        hit = torch.rand(b, k, 1, 1, generator=draw) < recipe.corrupted
-        patch = (rows[..., None] & columns[..., None, :] & hit)[:, :, None]  # (b, k, 1, h, w)
-        factor = (2.5 * torch.rand(b, k, 1, 1, 1, generator=draw) - 1.5).exp2().to(images)  # a third to twice
-        images = torch.where(patch.to(images.device), images * factor, images)
-    if recipe.noise:
-        mean = (images * mask[:, None]).mean((1, 2, 3, 4), keepdim=True)
-        noise = torch.Generator(images.device).manual_seed(int(torch.randint(2**62, (), generator=draw)))
-        images = images + recipe.noise * mean * torch.randn(images.shape, generator=noise, device=images.device)
-        images = images.clamp(min=0) * mask[:, None]
-    if recipe.light_error_deg:
-        lights = F.normalize(lights + torch.tensor(recipe.light_error_deg).deg2rad() * randn(b, k, 3), dim=-1)
-    return images, lights

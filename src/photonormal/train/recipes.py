@@ -15,7 +15,9 @@ class Recipe:
     Parameters
     ----------
     network, config : a name in solve.learned.weights.NETWORKS and the fields of its config that are not the default
-    stream : recipe of `photonormal.synth` that renders the scenes
+    stream, rendering : recipe of `photonormal.synth` that renders the scenes, and the fields that are changed in it
+    reuse, ring : how often a rendered batch is used, and how many batches wait for it; where rendering is slower than
+        learning, each use with other images and another turn
     images : fewest and most images of a sample; one number per batch, log-uniform between them
     batch : samples in a step, over all processes together
     steps : length of the training, where no `minutes` shorten it
@@ -26,9 +28,6 @@ class Recipe:
         what validation measures and the weights file holds
     priors : names of classical methods and their shares of the batches; "truth": the truth tilted by up to 30 degrees
     gain : factors between which the exposure of a sample is drawn
-    light_error_deg, intensity_error, noise : standard deviations of each image's light direction (degrees), of its
-        intensity (relative), and of its pixels (relative to the mean)
-    corrupted : share of the images of half of the batches that have a patch too bright or too dark
     turns : quarter turns and mirror images of every batch
     seed : of the weights, the stream and all of the above
     validate : steps between validations
@@ -36,7 +35,10 @@ class Recipe:
 
     network: str = "lambertian-prior"
     config: dict[str, Any] = field(default_factory=dict)
-    stream: str = "paper"
+    stream: str = "train"
+    rendering: dict[str, Any] = field(default_factory=dict)
+    reuse: int = 1
+    ring: int = 64
     images: tuple[int, int] = (32, 32)
     batch: int = 24
     steps: int = 140_600
@@ -48,10 +50,6 @@ class Recipe:
     ema: float = 0.0
     priors: tuple[tuple[str, float], ...] = (("woodham", 1.0),)
     gain: tuple[float, float] = (0.5, 2.0)
-    light_error_deg: float = 0.0
-    intensity_error: float = 0.0
-    noise: float = 0.0
-    corrupted: float = 0.0
     turns: bool = False
     seed: int = 0
     validate: int = 2000
@@ -76,7 +74,7 @@ class Recipe:
         return asdict(self)
 
 
-PAPER = Recipe(noise=0.05 / 12**0.5)  # 40 epochs of 84,360 samples; noise of the width of the published code's
+PAPER = Recipe()  # 40 epochs of 84,360 samples
 PSFCN = replace(PAPER, network="psfcn", priors=(), lr=1e-3, pieces=6, batch=32, steps=79_100)
 
 
@@ -94,9 +92,8 @@ CPU = replace(
     warmup=200,
     clip=1.0,
     ema=0.999,
-    noise=0.02,
-    intensity_error=0.01,
     turns=True,
+    reuse=4,
 )  # for hours on two cores: a sixteenth of the paper network's work
 
 RECIPES = {

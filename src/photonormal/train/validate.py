@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,21 @@ from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
 
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
+BATCHES = 8  # of every exam
+EXAMS = {  # on materials that training never sees: all images exact, and as the paper validates
+    "clean": {},
+    "hemisphere": {"narrow": 0.0, "noise": 0.03, "saturated": 0.015},
+}
 OBJECTS = ("ball", "bear", "cat", "reading")
+
+
+def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Recipe) -> dict[str, list]:
+    """The batches of every exam: fixed scenes, as many images as training has at most."""
+    n = recipe.images[1]
+    return {
+        kind: list(islice(stream("validation", recipe.batch, device, SEED, 0, lights=(n, n), **changes), BATCHES))
+        for kind, changes in EXAMS.items()
+    }
 
 
 def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
@@ -34,7 +49,7 @@ def on_rendered(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, fl
     net.eval()
     ours, priors = [], []
     for i, batch in enumerate(batches):
-        seen = observe(batch, recipe, net.scaling, i, disturb=False)
+        seen = observe(batch, recipe, net.scaling, i, vary=False)
         with inner_precision(seen.images.device):
             N = net(seen.images, seen.lights, seen.prior)
         ours.append(errors_deg(N, seen.normals, seen.mask))

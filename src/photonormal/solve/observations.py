@@ -115,7 +115,10 @@ def per_lit_pixel(
     I = grey_levels(capture)  # (p, n)
     keep = lit(I)
     L = torch.as_tensor(capture.known_lights(), dtype=dtype, device=device)
-    N = [fit(I[s].to(device, dtype), keep[s].to(device), L).to("cpu", torch.float32) for s in blocks(*I.shape, device)]
+    N = [
+        fit(I[s].to(device, dtype), keep[s].to(device), L).to("cpu", torch.float32)
+        for s in blocks(I.shape[0], I.shape[1], device)
+    ]
     return on_mask(torch.cat(N), capture)
 
 

@@ -17,8 +17,8 @@ from photonormal.types import Capture, Normals
 class RPCA:
     """min |A|_* + lambda |E|_1 with D = A + E on the lit samples, over all pixels at once; then n ~ A L^+.
 
-    A is the matt part of the images D, of low rank; E are its sparse highlights; shadows count as missing. By the inexact
-    augmented Lagrangian of Lin, Chen and Ma (2009) with a Gram matrix in place of the singular value decomposition.
+    A is the matt part of the images D, of low rank; E are its sparse highlights; shadows count as missing. By the
+    inexact augmented Lagrangian of Lin, Chen and Ma (2009), a Gram matrix in place of the singular value decomposition.
     Needs 4 lights.
 
     Parameters

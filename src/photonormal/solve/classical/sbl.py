@@ -39,14 +39,15 @@ class SBL:
         lit = keep.to(I.dtype)
         I = I / I.amax(-1, keepdim=True).clamp(min=1e-12)
         gamma = torch.ones_like(I)
+        b = plain = scaled_normals(I, L)
         LL = pairs(L)  # (n, 6)
         twice = LL.new_tensor([1, 2, 2, 1, 2, 1])  # a symmetric quadratic form meets its off-diagonals twice
         for _ in range(self.steps):
             w = lit / (gamma + lam)  # (p, n)
             cov, fixed = symmetric_inverse(w @ LL)  # posterior covariance of b, (p, 6)
-            b = symmetric_product(cov, (w * I) @ L)
+            b = torch.where(fixed, symmetric_product(cov, (w * I) @ L), plain)
             gw = gamma.mul_(w)  # share of each residual that the outlier takes
             q = (cov.to(I.dtype) * twice) @ LL.T  # l_j.cov.l_j
             e = gw * (I - cosines(b, L))
             gamma = (e * e + lam * gw + gw * gw * q).clamp_(min=1e-12)
-        return normalised(torch.where(fixed, b, scaled_normals(I, L)))
+        return normalised(b)

@@ -1,0 +1,64 @@
+"""Bi-polynomial reflectance: B. Shi, P. Tan, Y. Matsushita, K. Ikeuchi, TPAMI 36(6), 2014."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.shading import cosines, half_vectors
+from photonormal.solve.classical.trimmed import Trimmed
+from photonormal.solve.classical.woodham import pairs, symmetric_inverse, symmetric_product
+from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.types import Capture, Normals
+
+
+@dataclass(frozen=True)
+class Bipolynomial:
+    """rho(x, y) = sum_ij C_ij (1 - x)^i (1 - y)^j with x = n.h, y = l.h: the low-frequency part of an isotropic BRDF.
+
+    Only samples of lower rank enter, so that no sharp highlight needs modelling. C and the normal are found in turn, each
+    by linear least squares. A ridge on all but the constant keeps C from absorbing errors of the normal where the lights
+    cover a narrow cone. Needs 6 lights.
+
+    Parameters
+    ----------
+    degree : highest power of each of the two cosines
+    ridge : weight of C_ij^2, relative to that of the data on the constant term
+    window : which samples enter, and the first normal
+    rounds : of finding C, then the normal
+    """
+
+    degree: int = 2
+    ridge: float = 3e-3
+    window: Trimmed = field(default=Trimmed())
+    rounds: int = 6
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        at_least(6, capture, "bipolynomial")
+        return per_lit_pixel(self.fit, capture, device, torch.float64)
+
+    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+        """Unit normals from the samples to `keep`."""
+        n = self.window.fit(I, keep, L)
+        w = (keep & self.window.window(I, keep)).to(I.dtype)  # (p, n)
+        I = I * (w.sum(1, keepdim=True) / (w * I).sum(1, keepdim=True).clamp(min=1e-12))
+        H = half_vectors(L)
+        y = (1 - (L * H).sum(-1))[..., None]  # (n, 1)
+        i, j = torch.meshgrid(*2 * [torch.arange(self.degree + 1, device=L.device)], indexing="ij")
+        i, j = i.flatten(), j.flatten()  # the m terms
+        ridge = self.ridge * (i + j > 0) + 1e-9
+        for _ in range(self.rounds):
+            cos = cosines(n, L).clamp(min=0)
+            x = (1 - cosines(n, H))[..., None]
+            terms = x**i * y**j  # (p, n, m)
+            F = terms * (w * cos)[..., None]  # I = cos sum_ij C_ij x^i y^j
+            G = F.transpose(1, 2) @ F
+            G = G + torch.diag_embed(ridge * G[:, :1, 0].clamp(min=1e-9))
+            C = torch.linalg.solve(G, (F * I[..., None]).sum(1))  # (p, m)
+            rho = (terms @ C[..., None])[..., 0].clamp(min=1e-3)
+            A, fixed = symmetric_inverse((w * rho**2) @ pairs(L))  # I = rho l.b
+            n = torch.where(fixed, normalised(symmetric_product(A, (w * rho * I) @ L)), n)
+        return n

@@ -2,9 +2,10 @@
 
     python benchmarks/reading.py [--runs 5] [FOLDER ...]
 
-Without folders: 96 synthetic 16-bit colour pictures of 512 x 612 pixels, and the DiLiGenT objects in PHOTONORMAL_DATA, if
-that is set. Both sides run in turns, each time in a fresh process; the fastest run counts. Reading gives linear radiance
-divided by the intensity of the light and keeps the decoded box around the mask; OpenCV's pictures are thrown away.
+Without folders: 96 synthetic 16-bit colour pictures of 512 x 612 pixels, and the DiLiGenT objects in PHOTONORMAL_DATA,
+if that is set. Both sides run in turns, each time in a fresh process; the fastest run counts. Reading gives linear
+radiance divided by the intensity of the light and keeps the decoded box around the mask; OpenCV's pictures are thrown
+away.
 """
 
 from __future__ import annotations

@@ -127,8 +127,8 @@ class Normals:
     def __post_init__(self) -> None:
         if self.map.shape != (*self.mask.shape, 3) or self.mask.dtype != bool:
             raise InputError(
-                f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype}; "
-                "(h, w, 3) and (h, w) bool are needed."
+                f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype} "
+                "but (h, w, 3) and (h, w) bool are needed; give maps of one size."
             )
         length = np.linalg.norm(self.map[self.mask], axis=-1)
         if not (np.abs(length - 1) < 1e-3).all():  # also catches NaN
@@ -158,10 +158,11 @@ class Surface:
     def __post_init__(self) -> None:
         if self.depth.shape != self.mask.shape or self.mask.dtype != bool:
             raise InputError(
-                f"depth is {self.depth.shape} and its mask {self.mask.shape} {self.mask.dtype}; one size is needed."
+                f"depth is {self.depth.shape} and its mask {self.mask.shape} {self.mask.dtype} but one size and a bool "
+                "mask are needed; crop both with the same box."
             )
         if self.K is not None and self.K.shape != (3, 3):
-            raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed.")
+            raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed; give K alone.")
 
 
 def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
@@ -170,7 +171,7 @@ def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
     L = np.asarray(lights, dtype=np.float64)
     if L.shape != (n, 3):
         raise InputError(
-            f"lights are {L.shape} but {n} images need ({n}, 3): one direction for each image, in the same order."
+            f"lights are {L.shape} but {n} images need ({n}, 3); give one direction for each image, in the same order."
         )
     largest = np.abs(L).max(1)
     bad = np.flatnonzero(~(np.isfinite(largest) & (largest > 0)))
@@ -182,7 +183,7 @@ def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
     L = L / largest[:, None]  # so that no length overflows
     L = L / np.linalg.norm(L, axis=1, keepdims=True)
     s = np.linalg.svd(L, compute_uv=False)
-    condition = float(s[0] / s[2]) if s[2] > 0 else np.inf
+    condition = float(s[0] / s[2]) if n >= 3 and s[2] > 0 else np.inf
     if condition > COPLANAR:
         raise InputError(
             f"the {n} lights lie in one plane (condition number {condition:.3g}, at most {COPLANAR:.0f} is usable); "

@@ -64,8 +64,8 @@ def assemble(
     if missing:
         more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
         raise InputError(
-            f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list that "
-            "names it or choose others with --images."
+            f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list "
+            "that names it or choose others with --images."
         )
     if intensities is None:
         intensities = np.ones((n, 1))

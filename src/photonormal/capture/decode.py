@@ -98,6 +98,8 @@ def _plain(path: Path) -> np.ndarray:
         _check_jpeg(data, path)
     elif not data.startswith(b"BM"):
         raise _damaged(path, f"is no PNG, JPEG or BMP ({len(data)} bytes)")
+    elif int.from_bytes(data[2:6], "little") > len(data):
+        raise _damaged(path, f"is truncated ({len(data)} bytes)")
     return _opencv(data, path)
 
 
@@ -202,6 +204,7 @@ def _raw(path: Path) -> np.ndarray:
         return raw.postprocess(
             gamma=(1, 1),
             no_auto_bright=True,
+            adjust_maximum_thr=0,  # else the scale would change with each picture's brightest sample
             output_bps=16,
             user_wb=[1, 1, 1, 1],
             user_flip=0,

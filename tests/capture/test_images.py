@@ -1,0 +1,172 @@
+"""Pictures become radiance divided by the light's intensity; masks become True and False."""
+
+import numpy as np
+import pytest
+
+from photonormal.capture import images as module
+from photonormal.capture.images import ImageFiles, bounding_box, read_mask, srgb_to_linear
+from photonormal.types import Capture
+from tests.capture.files import LIGHTS, MASK, box, refusal, samples, write_picture
+
+ONE = np.ones((4, 1))
+
+
+@pytest.fixture
+def paths(tmp_path):
+    return [write_picture(tmp_path / f"{j}.png", samples(j)) for j in range(4)]
+
+
+def test_radiance_is_sample_over_full_scale_over_intensity(paths):
+    intensities = np.random.default_rng(0).uniform(0.5, 3, (4, 3))
+    files = ImageFiles(paths, MASK, intensities)
+    assert files.shape == (4, 24, 30, 3) and len(files) == 4
+    for j in range(4):
+        exact = box(samples(j) / 65535 / intensities[j])
+        assert files[j].dtype == np.float32
+        np.testing.assert_allclose(files[j], exact, rtol=3e-7)
+        np.testing.assert_array_equal(np.rint(files[j] * intensities[j] * 65535), box(samples(j)))  # each of 16 bits
+
+
+def test_a_second_pass_gives_the_same_without_the_files(paths):
+    files = ImageFiles(paths, MASK, ONE)
+    first = [files[j] for j in range(4)]
+    for path in paths:
+        path.unlink()
+    for j in range(4):
+        np.testing.assert_array_equal(files[j], first[j])
+
+
+def test_nothing_is_kept_beyond_the_limit(paths, monkeypatch):
+    kept = ImageFiles(paths, None, ONE)
+    monkeypatch.setattr(module, "KEEP_BYTES", 4 * 24 * 30 * 3 * 2 - 1)
+    files = ImageFiles(paths, None, ONE)
+    for j in range(4):
+        np.testing.assert_array_equal(files[j], kept[j])
+    paths[2].unlink()
+    assert "is missing" in refusal(files.__getitem__, 2)
+
+
+def test_images_own_their_memory(paths):
+    files = ImageFiles(paths, MASK, ONE)
+    files[0][:] = 7
+    assert files[0].max() <= 1
+
+
+def test_threads_read_what_one_reads(paths):
+    files, again = ImageFiles(paths * 20, MASK, np.ones((80, 1))), ImageFiles(paths, MASK, ONE)
+    capture = Capture(files, MASK, np.tile(LIGHTS, (20, 1)))
+    for _ in range(2):
+        for j, image in enumerate(capture.map_images(lambda j, image: image)):
+            np.testing.assert_array_equal(image, again[j % 4])
+
+
+def test_a_grey_picture_takes_the_mean_of_the_colours_intensities(tmp_path):
+    paths = [write_picture(tmp_path / "a.png", samples(0, np.uint8, 1))]
+    np.testing.assert_allclose(
+        ImageFiles(paths, None, np.array([[1.0, 2.0, 6.0]]))[0], samples(0, np.uint8, 1) / 255 / 3, rtol=1e-6
+    )
+
+
+def test_a_sample_at_full_scale_is_saturated(paths):
+    files = ImageFiles(paths, None, 2 * np.ones((4, 3)))
+    assert files.saturation is not None
+    assert (files[1] >= files.saturation[1] * (1 - 1e-6)).sum() == (samples(1) == 65535).sum() >= 3
+
+
+def test_floats_need_not_saturate(tmp_path):
+    path = write_picture(tmp_path / "a.exr", 7 * samples(0, np.float32))
+    files = ImageFiles([path], None, ONE[:1])
+    assert files.saturation is None
+    np.testing.assert_array_equal(files[0], 7 * samples(0, np.float32))
+
+
+class TestEncoded:
+    def test_known_values_of_the_standard(self):
+        encoded = np.array([0, 0.04045, 0.5, 1])
+        np.testing.assert_allclose(srgb_to_linear(encoded), [0, 0.0031308, 0.2140411, 1], rtol=1e-5)
+
+    @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+    def test_samples_are_linearised_before_the_division(self, tmp_path, dtype):
+        path = write_picture(tmp_path / "a.png", samples(0, dtype))
+        full = np.iinfo(dtype).max
+        np.testing.assert_allclose(
+            ImageFiles([path], None, np.array([[1.0, 2.0, 4.0]]), srgb=True)[0],
+            srgb_to_linear(samples(0, dtype) / full) / np.array([1, 2, 4]),
+            rtol=1e-6,
+        )
+
+    def test_floats_are_linear(self, tmp_path):
+        path = write_picture(tmp_path / "a.exr", samples(0, np.float32))
+        np.testing.assert_array_equal(ImageFiles([path], None, ONE[:1], srgb=True)[0], samples(0, np.float32))
+
+
+class TestSums:
+    def test_parts_of_a_picture_are_added(self, paths):
+        files = ImageFiles([(paths[0], paths[1]), (paths[2], paths[3])], None, np.ones((2, 1)))
+        np.testing.assert_allclose(files[1], (samples(2).astype(float) + samples(3)) / 65535, rtol=1e-6)
+
+    def test_parts_of_two_sizes(self, tmp_path, paths):
+        small = write_picture(tmp_path / "small.png", samples()[:20])
+        assert "differ in size" in refusal(ImageFiles, [(paths[0], small)], None, ONE[:1])
+
+
+@pytest.mark.parametrize(
+    ("other", "came"),
+    [
+        (samples()[:, :29], "(24, 29, 3) uint16"),
+        (samples()[..., :1], "(24, 30, 1) uint16"),
+        (samples(0, np.uint8), "(24, 30, 3) uint8"),
+    ],
+)
+def test_pictures_of_two_kinds(tmp_path, paths, other, came):
+    path = write_picture(tmp_path / "other.png", other)
+    message = refusal(ImageFiles([*paths, path], MASK, np.ones((5, 1))).__getitem__, 4)
+    assert came in message and "(24, 30, 3) uint16" in message and "other.png" in message
+
+
+class TestMasks:
+    @pytest.mark.parametrize("white", [1, 3, 255])
+    def test_any_white(self, tmp_path, white):
+        path = write_picture(tmp_path / "mask.png", MASK.astype(np.uint8) * np.uint8(white))
+        np.testing.assert_array_equal(read_mask(path), MASK)
+
+    @pytest.mark.parametrize("suffix", [".png", ".tif", ".npy", ".exr", ".bmp"])
+    def test_formats(self, tmp_path, suffix):
+        dtype = np.float32 if suffix == ".exr" else np.uint8
+        np.testing.assert_array_equal(read_mask(write_picture(tmp_path / f"mask{suffix}", MASK.astype(dtype))), MASK)
+
+    def test_bools(self, tmp_path):
+        np.testing.assert_array_equal(read_mask(write_picture(tmp_path / "mask.npy", MASK)), MASK)
+
+    def test_jpeg_ringing_is_no_object(self, tmp_path):
+        path = write_picture(tmp_path / "mask.jpg", MASK.astype(np.uint8) * 255)
+        np.testing.assert_array_equal(read_mask(path), MASK)
+
+    def test_one_colour_is_enough(self, tmp_path):
+        red = np.zeros((24, 30, 3), np.uint8)
+        red[MASK, 0] = 255
+        np.testing.assert_array_equal(read_mask(write_picture(tmp_path / "mask.png", red)), MASK)
+
+    def test_what_is_transparent_is_not_the_object(self, tmp_path):
+        cut = np.full((24, 30, 4), 255, np.uint8)
+        cut[..., 3] = MASK * 255
+        np.testing.assert_array_equal(read_mask(write_picture(tmp_path / "mask.png", cut)), MASK)
+
+    def test_white_on_opaque_black(self, tmp_path):
+        opaque = np.repeat(MASK[..., None], 4, axis=2).astype(np.uint8) * 255
+        opaque[..., 3] = 255
+        np.testing.assert_array_equal(read_mask(write_picture(tmp_path / "mask.png", opaque)), MASK)
+
+    def test_black_is_empty(self, tmp_path):
+        assert not read_mask(write_picture(tmp_path / "mask.png", 0 * MASK.astype(np.uint8))).any()
+
+
+class TestBox:
+    def test_it_is_the_smallest(self):
+        assert bounding_box(MASK) == (slice(9, 14), slice(10, 18))
+
+    def test_a_margin_stays_in_the_frame(self):
+        assert bounding_box(MASK, 11) == (slice(0, 24), slice(0, 29))
+
+    def test_of_nothing_it_is_all(self):
+        assert bounding_box(MASK & False, 2) == (slice(0, 24), slice(0, 30))

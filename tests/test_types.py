@@ -1,0 +1,111 @@
+"""The values that pass between stages hold what they promise, or say why they can't."""
+
+import numpy as np
+import pytest
+
+from photonormal.types import Capture, InputError, Normals, Surface, cores, unit_lights
+from tests.capture.files import LIGHTS, MASK, refusal
+
+IMAGES = np.zeros((4, 24, 30, 3), np.float32)
+NAMES = [f"{j}.png" for j in range(4)]
+
+
+class TestLights:
+    @pytest.mark.parametrize("scale", [1, 1e-200, 1e300, 5e-324])
+    def test_any_length_becomes_one(self, scale):
+        lights = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 1, 0]])
+        unit = unit_lights(scale * lights, NAMES)
+        np.testing.assert_allclose(unit, lights / np.linalg.norm(lights, axis=1, keepdims=True), atol=1e-15)
+
+    @pytest.mark.parametrize("shape", [(3, 3), (5, 3), (4, 2), (3, 4), (12,), (0, 3)])
+    def test_other_shapes(self, shape):
+        assert str(shape) in refusal(unit_lights, np.ones(shape), NAMES)
+
+    @pytest.mark.parametrize("bad", [[0, 0, 0], [np.nan, 0, 1], [0, np.inf, 1], [0, 0, -np.inf]])
+    def test_no_direction_is_named(self, bad):
+        lights = LIGHTS.copy()
+        lights[2] = bad
+        assert "the light of 2.png is [" in refusal(unit_lights, lights, NAMES)
+
+    def test_condition_number_of_lights_in_a_plane(self):
+        """Lights within a cone of half angle a around the view: the condition number is sqrt(2) / tan(a)."""
+        phi = np.arange(4) * np.pi / 2
+        for a, usable in ((0.01, True), (0.001, False)):
+            cone = np.stack([np.sin(a) * np.cos(phi), np.sin(a) * np.sin(phi), np.full(4, np.cos(a))], axis=-1)
+            if usable:
+                unit_lights(cone, NAMES)
+            else:
+                assert f"condition number {2**0.5 / np.tan(a):.3g}," in refusal(unit_lights, cone, NAMES)
+        assert "condition number" in refusal(unit_lights, LIGHTS * [1, 0, 1], NAMES)
+
+    def test_two_lights_never_span_space(self):
+        assert "condition number" in refusal(unit_lights, LIGHTS[[1, 2]], NAMES[:2])
+
+
+class TestCapture:
+    def test_lights_are_made_unit_and_names_are_given(self):
+        capture = Capture(IMAGES, MASK, 3 * LIGHTS)
+        np.testing.assert_allclose(capture.known_lights(), LIGHTS)
+        assert capture.image_names == ("image 1", "image 2", "image 3", "image 4")
+
+    def test_unknown_lights(self):
+        assert "no light directions" in refusal(Capture(IMAGES, MASK).known_lights)
+
+    def test_map_images_keeps_the_order(self):
+        images = np.arange(4, dtype=np.float32)[:, None, None, None] + IMAGES
+        assert Capture(images, MASK).map_images(lambda j, image: (j, image.max())) == [(j, j) for j in range(4)]
+
+    def test_map_images_passes_errors_on(self):
+        def fail(j, image):
+            raise InputError("no.")
+
+        with pytest.raises(InputError, match="no"):
+            Capture(IMAGES, MASK).map_images(fail)
+
+    @pytest.mark.parametrize("images", [IMAGES[0], IMAGES[..., :2], IMAGES[..., 0], IMAGES[:2], IMAGES[:0]])
+    def test_other_shapes(self, images):
+        refusal(Capture, images, MASK)
+
+    @pytest.mark.parametrize("mask", [MASK[1:], MASK[None], MASK.astype(np.uint8), MASK & False])
+    def test_other_masks(self, mask):
+        assert "mask" in refusal(Capture, IMAGES, mask)
+
+    def test_names_of_another_count(self):
+        assert "3 names came for 4 images" in refusal(Capture, IMAGES, MASK, image_names=("a", "b", "c"))
+
+    def test_truth_of_another_size(self):
+        truth = Normals(np.zeros((5, 6, 3)), np.zeros((5, 6), bool))
+        assert "(5, 6, 3)" in refusal(Capture, IMAGES, MASK, truth=truth)
+
+
+class TestNormals:
+    def test_zero_outside_of_the_mask(self):
+        normals = Normals(np.broadcast_to([0, 0, 1.0], (24, 30, 3)), MASK)
+        assert normals.map.dtype == np.float32
+        np.testing.assert_array_equal(normals.map.sum(-1), MASK)
+
+    @pytest.mark.parametrize("value", [0, 0.9, 1.1, np.nan, np.inf])
+    def test_other_lengths(self, value):
+        map = np.zeros((24, 30, 3))
+        map[MASK, 2] = 1
+        map[10, 12, 2] = value
+        assert "1 normals inside the mask" in refusal(Normals, map, MASK)
+
+    @pytest.mark.parametrize("shape", [(24, 30), (24, 30, 1), (24, 29, 3)])
+    def test_other_shapes(self, shape):
+        assert str(shape) in refusal(Normals, np.zeros(shape), MASK)
+
+
+class TestSurface:
+    def test_other_shapes(self):
+        assert "depth" in refusal(Surface, np.zeros((24, 29)), MASK)
+        assert "camera matrix" in refusal(Surface, np.zeros((24, 30)), MASK, np.eye(4))
+
+
+def test_an_input_error_is_one_line_and_a_value_error():
+    error = InputError("a\nb\r\nc.")
+    assert str(error) == "a b c." and isinstance(error, ValueError)
+
+
+def test_there_is_a_core():
+    assert cores() >= 1

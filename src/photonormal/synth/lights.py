@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
+from photonormal.types import InputError
+
 LOWEST = 0.08  # lz of the lowest light of a hemisphere
 
 
-def draw_lights(g: np.random.Generator, b: int, n: int, narrow: float) -> np.ndarray:
-    """Unit directions (b, n, 3); the share `narrow` of the sets is about as narrow as DiLiGenT's, the rest wide."""
+def draw_lights(g: np.random.Generator, b: int, n: int, narrow: float, layout: str = "mixed") -> np.ndarray:
+    """Unit directions (b, n, 3); the share `narrow` of the sets is about as narrow as DiLiGenT's, the rest wide.
+
+    A `layout` other than "mixed" is one of KINDS for all of them.
+    """
+    if layout != "mixed" and layout not in _KINDS:
+        raise InputError(f"no light layout {layout!r}; use mixed, {', '.join(_KINDS)}.")
     sets = []
     for _ in range(b):
-        if g.random() < narrow:
+        if layout != "mixed":
+            kind = layout
+        elif g.random() < narrow:
             kind = g.choice(["grid", "box", "cone"], p=[0.5, 0.3, 0.2])
         else:
             kind = g.choice(["hemisphere", "cone", "dome", "rings"], p=[0.6, 0.15, 0.15, 0.1])
@@ -65,6 +74,14 @@ def dome(g: np.random.Generator, n: int) -> np.ndarray:
     return _above(l[g.permutation(n)])
 
 
+def stage(g: np.random.Generator, n: int) -> np.ndarray:
+    """A light stage's front: an even, slightly irregular spiral down to 25 degrees above the horizon, in its own order."""
+    k = np.arange(n) + 0.5
+    z = 1 - k / n * (1 - np.sin(np.radians(25)))
+    r, phi = np.sqrt(1 - z**2), np.pi * (1 + 5**0.5) * k
+    return _above(np.stack([r * np.cos(phi), r * np.sin(phi), z], -1) + g.normal(0, 0.015, (n, 3)))
+
+
 def rings(g: np.random.Generator, n: int) -> np.ndarray:
     """Two or three rings of lamps at fixed elevations."""
     levels = np.sort(g.uniform(0.2, 0.92, g.integers(2, 4)))
@@ -80,5 +97,13 @@ def _above(l: np.ndarray, lowest: float = LOWEST) -> np.ndarray:
     return l
 
 
-_KINDS = {"hemisphere": hemisphere, "cone": cone, "box": box, "grid": grid, "dome": dome, "rings": rings}
+_KINDS = {
+    "hemisphere": hemisphere,
+    "cone": cone,
+    "box": box,
+    "grid": grid,
+    "dome": dome,
+    "stage": stage,
+    "rings": rings,
+}
 KINDS = tuple(_KINDS)

@@ -27,6 +27,7 @@ class Recipe:
     # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned
     shapes: tuple[float, ...] = (0.27, 0.22, 0.19, 0.13, 0.08, 0.11)
     detail: float = 1.0  # 0: smooth
+    solid: str = "drawn"  # "bust": one fixed sculpture instead of drawn shapes
     meshes: str | None = None  # folder of OBJ files, seen instead of drawn shapes
     # materials: shares of principled, sgd, abc, neural, raw MERL files
     materials: tuple[float, ...] = (0.4, 0.26, 0.19, 0.15, 0.1)
@@ -36,6 +37,7 @@ class Recipe:
     # light
     lights: tuple[int, int] = (32, 32)  # fewest and most of a batch, log-uniform
     narrow: float = 0.6  # share of light sets like DiLiGenT's; the rest span the hemisphere
+    layout: str = "mixed"  # one kind of light set, from lights.KINDS, instead
     distance: float | None = None  # of the lamps, in half widths of the scene; None: infinitely far
     ambient: float = 0.01  # most light from everywhere, of a white surface's brightest
     # transport
@@ -55,6 +57,10 @@ class Recipe:
 RECIPES = {
     "train": Recipe(),
     "validation": Recipe(split="validation", zoom=0.3, corrupted=0.0, light_error_deg=0.0, intensity_error=0.0),
+    "demo": Recipe(
+        size=160, crop=160, crops=1, scenes=1, zoom=0.0, solid="bust", lights=(24, 24), layout="stage", bounce=1.0,
+        saturated=0.04, noise=0.002, low_bits=0.0, ambient=0.0, intensity_error=0.0, light_error_deg=0.0, corrupted=0.0,
+    ),
     "lambert": Recipe(
         materials=(0.0,), shapes=(1.0, 0, 0, 0, 0, 0), detail=0.0, varying=0.0, zoom=0.0, ambient=0.0, shadows=False,
         bounce=0.0, saturated=0.0, noise=0.0, low_bits=0.0, intensity_error=0.0, light_error_deg=0.0, corrupted=0.0,

@@ -12,6 +12,7 @@ from torch import Tensor
 
 from photonormal.shading import cosines, shade
 from photonormal.synth import bounce
+from photonormal.synth.bust import Bust, busts, glazes
 from photonormal.synth.library import Library
 from photonormal.synth.lights import draw_lights
 from photonormal.synth.materials import Coats, draw_coats, dress, radiance, skins_albedo
@@ -30,7 +31,7 @@ PATCH, RECEIVER = 2, 4  # pixels between the samples that send and that receive 
 class Scenes:
     """`b` drawn scenes."""
 
-    solids: Solids
+    solids: Solids | Bust
     coats: Coats
     lights: Float[Tensor, "b n 3"]
     zoom: Float[Tensor, " b"]  # width of the window over the object's
@@ -42,10 +43,16 @@ class Scenes:
 def draw_scenes(recipe: Recipe, g: np.random.Generator, b: int, n: int, shelf: Library | None) -> Scenes:
     """`b` random scenes with `n` lights each."""
     near = g.random(b) < recipe.zoom
+    if recipe.solid == "bust":
+        solids = busts(g, b)
+        coats = glazes(solids)
+    else:
+        solids = draw_solids(g, b, recipe.shapes, recipe.detail)
+        coats = draw_coats(g, b, recipe.materials, recipe.varying, shelf)
     return Scenes(
-        draw_solids(g, b, recipe.shapes, recipe.detail),
-        draw_coats(g, b, recipe.materials, recipe.varying, shelf),
-        tensor(draw_lights(g, b, n, recipe.narrow)),
+        solids,
+        coats,
+        tensor(draw_lights(g, b, n, recipe.narrow, recipe.layout)),
         tensor(np.where(near, log_uniform(g, 0.35, 0.8, b), g.uniform(1.03, 1.2, b))),
         tensor(g.random(b)),
         torch.from_numpy(g.random(b) < recipe.bounce),
@@ -86,8 +93,9 @@ def windows(geometry: Geometry, recipe: Recipe, generator: torch.Generator) -> t
     mean = (total / c**2).float()
     coverage = mean[:, 0]  # (b, s - c + 1, s - c + 1)
     spread = 1 - mean[:, 1:].square().sum(1) / coverage.square().clamp(min=1e-6)
-    good = (coverage >= recipe.coverage) & (spread > 0.01)
     side = s - c + 1
+    least = recipe.coverage if side > 1 else min(recipe.coverage, 0.1)  # a whole object needn't fill its frame
+    good = (coverage >= least) & (spread > 0.01)
     if side == 1:
         return torch.zeros(b, k, dtype=torch.long, device=mask.device), good.flatten(1).any(1)
     good = good.flatten(1)

@@ -1,4 +1,4 @@
-"""Cast shadows of a height field for every light at once, at a cost per pixel and light that doesn't grow with distance.
+"""Cast shadows of a height field for every light at once, at the same cost for any distance.
 
 The height field is cut into lines along each light's azimuth (a shear by linear interpolation). Along a line a point at
 distance u towards the light is in shadow when some h(u') - u' tan(elevation) farther on exceeds its own: one running
@@ -41,11 +41,12 @@ class Horizon:
         start = start - turns * s
         t = start.floor().clamp_(max=s - 1)
         f = start - t
+        f = torch.where(minor < f, 1.0, f)  # the first of the two lines is still on the other side
         own = height[:, None] + self.rise[..., None] * j + WRAP * turns.abs()
         t, lines = t.to(torch.int32), torch.arange(b * n, device=t.device, dtype=torch.int32).view(b, n, 1)
         line = (j.to(torch.int32) * (b * n) + lines) * s
         index = (line + t).flatten()
-        last = (line + (t + 1) % s).flatten()
+        last = (line + (t + 1).clamp(max=s - 1)).flatten()
         values = self.running.flatten()
         v = _lit(values.index_select(0, index).view_as(own) - own)
         return torch.lerp(v, _lit(values.index_select(0, last).view_as(own) - own), f)

@@ -17,8 +17,9 @@ from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Recipe, recipe
 from photonormal.synth.scene import draw_scenes, look, render, windows
 from photonormal.synth.sensor import corrupt, expose, photograph, turned
+from photonormal.types import InputError
 
-GROUP = 16  # scenes drawn together
+GROUP, GROUPS = 16, 8  # scenes drawn together; how often in vain before giving up
 ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time
 PURPOSES = {"block": 0, "group": 1, "batch": 2}  # so that random numbers of different kinds never meet
 
@@ -85,6 +86,11 @@ def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, sample
             if count >= samples:
                 break
         group += 1
+        if group > GROUPS and not parts:
+            raise InputError(
+                f"{GROUP * group} scenes came without a window of {recipe.crop} pixels that is {recipe.coverage:.0%} "
+                "covered; lower coverage or crop."
+            )
     return Batch(
         *(torch.cat([getattr(p, f) for p in parts])[:samples] for f in ("images", "lights", "normals", "mask"))
     )

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.synth.bust import Bust
 from photonormal.synth.shapes import Solids
 
 Field = Callable[[Tensor], Tensor]  # (b, p, 3) -> (b, p)
@@ -48,7 +49,7 @@ class Geometry:
     points: Float[Tensor, "b 3 s s"]  # in the solid's own units, for textures
 
 
-def visible_surface(solids: Solids, view: View) -> Geometry:
+def visible_surface(solids: Solids | Bust, view: View) -> Geometry:
     """March to the surface: blocks of pixels first, then each pixel, then false position on the bracketed root."""
     solids = solids.trimmed()
     s, px = view.size, view.pixel[:, None]
@@ -71,7 +72,7 @@ def visible_surface(solids: Solids, view: View) -> Geometry:
     return Geometry(height, image(n), mask.view(-1, s, s), image(p))
 
 
-def first_seen(solids: Solids, view: View) -> Bool[Tensor, "b s s"]:
+def first_seen(solids: Solids | Bust, view: View) -> Bool[Tensor, "b s s"]:
     """Where a coarse view meets the solids, to within a pixel."""
     solids = solids.trimmed()
     x, y = view.rays(view.size)

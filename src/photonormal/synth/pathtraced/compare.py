@@ -1,0 +1,225 @@
+"""The training renderer against the path tracer, on the same scenes.
+
+The path tracer has the whole solid, with what the camera can't see, exact geometry terms and any number of directions;
+the training renderer has one height a pixel. Where their images differ is what that costs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.geometry import fibonacci_hemisphere
+from photonormal.synth.materials import Coats, dress
+from photonormal.synth.params import rng, tensor
+from photonormal.synth.pathtraced import tracer
+from photonormal.synth.pathtraced.meshes import Mesh, polygonise
+from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
+from photonormal.synth.pathtraced.tracer import Camera
+from photonormal.synth.recipes import Recipe, recipe
+from photonormal.synth.scene import EMPTY, Scenes, draw_scenes, look, render
+from photonormal.synth.shadows import horizon
+from photonormal.synth.trace import Geometry, gradient
+
+KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned")  # of the drawn shapes
+REACH = 1.7  # half side of the cube that holds a drawn solid
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Both renderers' images of one scene, direct light and with one bounce, (n, s, s, 3), and where lights arrive."""
+
+    name: str
+    lights: Float[np.ndarray, "n 3"]
+    mask: Bool[np.ndarray, "s s"]
+    direct: tuple[np.ndarray, np.ndarray]  # of the training renderer, of the path tracer
+    bounced: tuple[np.ndarray, np.ndarray]
+    reached: tuple[np.ndarray, np.ndarray]  # (n, s, s) bool
+    normals: tuple[np.ndarray, np.ndarray]
+
+    def direct_percent(self) -> float:
+        """Mean over images of the mean error over the mean value, on the pixels that light reaches."""
+        return self._percent(self.direct)
+
+    def bounced_percent(self) -> float:
+        """As `direct_percent`, of light that came straight or by one other place."""
+        return self._percent(self.bounced)
+
+    def shadows_percent(self) -> float:
+        """Share of pixels, at least one away from a shadow's or the object's edge, on whose shadow both agree."""
+        ours, theirs = self.reached
+        inside = eroded(self.mask)
+        sure = (eroded(theirs) | eroded(~theirs & self.mask)) & inside
+        return float(100 * (ours == theirs)[sure].mean())
+
+    def normals_deg(self) -> float:
+        """Mean angle between the two normal maps."""
+        a, b = (n[self.mask].astype(np.float64) for n in self.normals)
+        return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))).mean())
+
+    def _percent(self, images: tuple[np.ndarray, np.ndarray]) -> float:
+        ours, theirs = images
+        errors = []
+        for a, b, lit in zip(ours, theirs, self.reached[1] & self.reached[0] & self.mask, strict=True):
+            if lit.any():
+                errors.append(np.abs(a[lit] - b[lit]).sum() / b[lit].sum())
+        return float(100 * np.mean(errors))
+
+
+def eroded(mask: Bool[np.ndarray, "*n s s"]) -> Bool[np.ndarray, "*n s s"]:
+    """Pixels that are set together with their eight neighbours."""
+    s = mask.shape[-1]
+    around = np.pad(mask, [(0, 0)] * (mask.ndim - 2) + [(1, 1), (1, 1)])
+    return np.logical_and.reduce([around[..., i : i + s, j : j + s] for i in range(3) for j in range(3)])
+
+
+def lights(n: int, lowest_deg: float = 15.0) -> Float[np.ndarray, "n 3"]:
+    """`n` directions spread over the hemisphere above an elevation."""
+    l = fibonacci_hemisphere(n)
+    z = 1 - (1 - l[:, 2]) * (1 - math.sin(math.radians(lowest_deg)))
+    r = np.sqrt(1 - z**2) / np.linalg.norm(l[:, :2], axis=1)
+    return np.concatenate([l[:, :2] * r[:, None], z[:, None]], 1)
+
+
+def plain(**changes: Any) -> Recipe:
+    """The training recipe without a sensor's and a set-up's errors, whole objects only, principled materials."""
+    clean = {
+        "zoom": 0.0, "ambient": 0.0, "saturated": 0.0, "noise": 0.0, "low_bits": 0.0, "intensity_error": 0.0,
+        "light_error_deg": 0.0, "corrupted": 0.0, "bounce": 1.0, "materials": (1.0,), "smooth_edges": False,
+    }  # fmt: skip
+    return recipe("train", **{**clean, **changes})
+
+
+def compare(
+    kind: str | Mesh,
+    seed: int = 0,
+    material: np.ndarray | None = None,
+    stock: dict[str, Any] | None = None,
+    n: int = 8,
+    size: int = 128,
+    samples: int = 64,
+    cells: int = 224,
+    name: str | None = None,
+) -> Compared:
+    """Render one scene with both.
+
+    Parameters
+    ----------
+    kind : one of KINDS, drawn with `seed`, or a mesh about one unit in radius
+    material : eleven principled parameters; None: drawn, varying over the surface
+    stock : a material of Mitsuba's own to put in the place of the same formula
+    n, size, samples, cells : lights, pixels a side, paths a pixel, cells a side of the grid around a drawn solid
+    """
+    made = plain(shapes=tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Recipe.shapes, varying=1.0)
+    L = lights(n)
+    scenes = draw_scenes(made, rng(seed, 9), 1, n, None)
+    scenes = replace(
+        scenes, lights=tensor(L)[None], coats=scenes.coats if material is None else plain_coats(scenes.coats, material)
+    )
+    if isinstance(kind, Mesh):
+        camera, mesh = Camera(half=1.1, size=size), kind
+    else:
+        geometry = look(scenes, size)
+        camera, mesh = camera_of(geometry), solid(scenes.solids, cells)
+    scene = tracer.build([dressed(mesh, scenes.coats, material).shape(stock or bsdf("principled", material))], camera)
+    seen = tracer.look(scene, camera)
+    if isinstance(kind, Mesh):
+        geometry = geometry_of(seen, camera)
+    ours = [_render(replace(scenes, bounce=torch.tensor([b])), geometry, made) for b in (False, True)]
+    theirs = [
+        tracer.trace(scene, camera, L, 1, 0, centred=True),
+        tracer.trace(scene, camera, L, samples, 1, centred=True),
+    ]
+    mask = geometry.mask[0].numpy() & seen.mask
+    field = torch.where(geometry.mask, geometry.height, EMPTY)
+    pixels = torch.arange(size * size, dtype=torch.int32)[None]
+    visible = horizon(field, scenes.lights).visibility(pixels, geometry.height.flatten(1))[0].view(n, size, size)
+    normals = geometry.normals[0].permute(1, 2, 0).numpy()
+    facing = np.einsum("hwc,nc->nhw", normals, L) > 0
+    return Compared(
+        name or (kind if isinstance(kind, str) else "mesh"),
+        L,
+        mask,
+        (ours[0], theirs[0]),
+        (ours[1], theirs[1]),
+        ((visible.numpy() > 0.5) & facing & mask, tracer.reached(scene, camera, L) & mask),
+        (normals, seen.normals),
+    )
+
+
+def _render(scenes: Scenes, geometry: Geometry, made: Recipe) -> Float[np.ndarray, "n s s 3"]:
+    s = geometry.mask.shape[-1]
+    pixels = torch.arange(s * s)[None]
+    I = render(scenes, geometry, pixels, made, None, 0)[0]  # (n, 3, s s)
+    return I.view(-1, 3, s, s).permute(0, 2, 3, 1).numpy()
+
+
+def solid(field: Any, cells: int) -> Mesh:
+    """All of an implicit solid (a batch of one) as triangles, with its exact normals at their corners."""
+    field = field.trimmed()
+
+    def values(p: np.ndarray) -> np.ndarray:
+        parts = torch.from_numpy(np.ascontiguousarray(p, np.float32)).split(2**17)
+        return torch.cat([field(part[None])[0] for part in parts]).numpy()
+
+    mesh = polygonise(values, REACH, cells)
+    p = torch.from_numpy(mesh.vertices.astype(np.float32))
+    inner = p.abs().amax(-1) < REACH * (1 - 2 / cells)  # not where the cube cuts the solid
+    for _ in range(2):  # onto the surface
+        g = torch.cat([gradient(field, part[None])[0] for part in p.split(2**17)])
+        d = torch.cat([field(part[None])[0] for part in p.split(2**17)])
+        step = d / g.square().sum(-1).clamp(min=0.05)
+        step = step.clamp(-REACH / cells, REACH / cells) * inner
+        p = p - step[:, None] * g
+    g = torch.cat([gradient(field, part[None])[0] for part in p.split(2**17)])
+    normals = (g / g.norm(dim=-1, keepdim=True).clamp(min=1e-9)).double().numpy()
+    moved = Mesh(p.double().numpy(), mesh.faces)
+    normals = np.where(inner.numpy()[:, None], normals, moved.smooth_normals())
+    return replace(moved, normals=normals)
+
+
+def dressed(mesh: Mesh, coats: Coats, material: np.ndarray | None) -> Mesh:
+    """The mesh with the drawn principled parameters at its vertices, where the material isn't one for all."""
+    if material is not None:
+        return mesh
+    values: Tensor = dress(coats, tensor(mesh.vertices)[None], None)[0].f.values[0, 0]  # type: ignore[attr-defined]
+    table = np.zeros((len(mesh.vertices), 12))
+    table[:, :11] = values.T.numpy()
+    return replace(mesh, attributes={a: table[:, 3 * i : 3 * i + 3] for i, a in enumerate(ATTRIBUTES)})
+
+
+def plain_coats(coats: Coats, material: np.ndarray) -> Coats:
+    """Coats of one principled material everywhere."""
+    return replace(
+        coats,
+        family=torch.zeros_like(coats.family),
+        palette=tensor(material).expand_as(coats.palette).clone(),
+        pattern=torch.zeros_like(coats.pattern),
+        contrast=torch.zeros_like(coats.contrast),
+    )
+
+
+def camera_of(geometry: Geometry) -> Camera:
+    """The window of a batch of one, from the points that it shows."""
+    s = geometry.mask.shape[-1]
+    on = geometry.mask[0]
+    row, column = (v.double() + 0.5 - s / 2 for v in on.nonzero().unbind(1))
+    x, y = (geometry.points[0, i][on].double() for i in (0, 1))
+    pixel = float((x * (column - column.mean())).sum() / (column - column.mean()).square().sum())
+    return Camera(float((x - pixel * column).mean()), float((y + pixel * row).mean()), pixel * s / 2, s)
+
+
+def geometry_of(seen: tracer.Seen, camera: Camera) -> Geometry:
+    """What the path tracer sees of a mesh, as the training renderer's height field."""
+    z = torch.from_numpy(np.where(seen.mask, seen.points[..., 2] / camera.pixel, 0))
+
+    def image(values: np.ndarray) -> Tensor:
+        return torch.from_numpy(values).permute(2, 0, 1)[None].float()
+
+    return Geometry(z[None].float(), image(seen.normals), torch.from_numpy(seen.mask)[None], image(seen.points))

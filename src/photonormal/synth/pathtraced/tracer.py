@@ -1,0 +1,238 @@
+"""Paths of light under many distant lights at once, traced by Mitsuba.
+
+A path from the camera meets the surface at a few vertices, whatever the lights are. Each vertex is asked for what every
+light sends from it, one shadow ray a light; a stock integrator would trace the path again for every light.
+
+Frame: x right, y up, z towards the orthographic camera. A white matt surface that faces a light has the value 1.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.synth.pathtraced.variant import mitsuba, vectorised
+
+FAR = 50.0  # where camera rays begin
+PATHS, LANES = 2**18, 2**22  # paths, and light samples, evaluated at a time
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A square orthographic window of `size` pixels around (x, y), `half` units of length to each side."""
+
+    x: float = 0.0
+    y: float = 0.0
+    half: float = 1.0
+    size: int = 128
+
+    @property
+    def pixel(self) -> float:
+        """Side of a pixel in units of length."""
+        return 2 * self.half / self.size
+
+    def rays(self, index: Any, dx: Any = 0.5, dy: Any = 0.5) -> Any:
+        """Rays through pixels (row * size + column), at a place inside each pixel."""
+        mi = mitsuba()
+        column, row = mi.Float(index % self.size), mi.Float(index // self.size)
+        x, y = self.x - self.half + (column + dx) * self.pixel, self.y + self.half - (row + dy) * self.pixel
+        return mi.Ray3f(mi.Point3f(x, y, FAR), mi.Vector3f(0, 0, -1))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the camera meets at the pixels' centres."""
+
+    mask: Bool[np.ndarray, "s s"]
+    normals: Float[np.ndarray, "s s 3"]  # unit, zero outside
+    points: Float[np.ndarray, "s s 3"]
+
+
+def build(shapes: list[Any], camera: Camera) -> Any:
+    """A Mitsuba scene of some shapes, with a stock camera and one distant light, named `light`."""
+    mi = mitsuba()
+    view = mi.ScalarTransform4f().look_at(
+        origin=[camera.x, camera.y, FAR], target=[camera.x, camera.y, 0], up=[0, 1, 0]
+    )
+    film = {"type": "hdrfilm", "width": camera.size, "height": camera.size, "pixel_format": "rgb",
+            "component_format": "float32", "rfilter": {"type": "box"}}  # fmt: skip
+    return mi.load_dict(
+        {
+            "type": "scene",
+            "sensor": {
+                "type": "orthographic",
+                "to_world": view @ mi.ScalarTransform4f().scale([camera.half, camera.half, 1]),
+                "near_clip": 0.01,
+                "far_clip": 4 * FAR,
+                "film": film,
+            },
+            "light": {"type": "directional", "direction": [0, 0, -1], "irradiance": {"type": "rgb", "value": math.pi}},
+            **{f"shape_{i}": shape for i, shape in enumerate(shapes)},
+        }
+    )
+
+
+def look(scene: Any, camera: Camera) -> Seen:
+    """Mask, shading normals and points at the pixels' centres."""
+    s = camera.size
+    mask, normals, points = np.zeros(s * s, bool), np.zeros((s * s, 3)), np.zeros((s * s, 3))
+    for where, si in _first(scene, camera):
+        mask[where] = np.array(si.is_valid())
+        normals[where] = np.array(si.sh_frame.n).T
+        points[where] = np.array(si.p).T
+    mask &= normals[:, 2] > 0.01
+    keep = mask[:, None]
+    return Seen(
+        mask.reshape(s, s), np.where(keep, normals, 0).reshape(s, s, 3), np.where(keep, points, 0).reshape(s, s, 3)
+    )
+
+
+def reached(scene: Any, camera: Camera, L: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n s s"]:
+    """Where each light reaches what the camera meets at the pixels' centres: no part of the surface is in between."""
+    mi = mitsuba()
+    s = camera.size
+    out = np.zeros((len(L), s * s), bool)
+    for where, si in _first(scene, camera):
+        for j, l in enumerate(L.tolist()):
+            d = mi.Vector3f(*l)
+            free = si.is_valid() & (si.sh_frame.n @ d > 0) & (si.n @ d > 0)
+            out[j, where] = np.array(free & ~_blocked(scene, si.spawn_ray(d), free))
+    return out.reshape(-1, s, s)
+
+
+def _blocked(scene: Any, ray: Any, active: Any) -> Any:
+    return scene.ray_test(ray, active) if vectorised() or active else False
+
+
+def _first(scene: Any, camera: Camera) -> Any:
+    """Where the rays of all pixels, or of one after the other, arrive."""
+    mi = mitsuba()
+    every = camera.size**2
+    if vectorised():
+        import drjit as dr
+
+        yield slice(None), scene.ray_intersect(camera.rays(dr.arange(mi.UInt32, every)))
+        return
+    for i in range(every):
+        yield i, scene.ray_intersect(camera.rays(i))
+
+
+def trace(
+    scene: Any,
+    camera: Camera,
+    L: Float[np.ndarray, "n 3"],
+    samples: int = 16,
+    bounces: int = 0,
+    seed: int = 0,
+    centred: bool = False,
+    bound: float = math.inf,
+) -> Float[np.ndarray, "n s s 3"]:
+    """Images under each light, a mean over paths through each pixel.
+
+    Parameters
+    ----------
+    bounces : how often light may pass between surfaces before it leaves for the camera; 0: direct light only
+    centred : all paths start at their pixel's centre instead of all over the pixel
+    bound : most that one path's bounced light counts, against single bright pixels
+    """
+    if not vectorised():
+        return np.stack([stock(scene, l, samples, bounces, seed + 1000 * j) for j, l in enumerate(L)])
+    import drjit as dr
+
+    mi = mitsuba()
+    n, pixels = len(L), camera.size**2
+    image = dr.zeros(mi.Float, pixels * n * 3)
+    lights = mi.Vector3f(np.ascontiguousarray(L.T, np.float32))
+    dr.eval(lights)
+    batch = max(1, PATHS // pixels)
+    for first in range(0, samples, batch):
+        lane = dr.arange(mi.UInt32, pixels * min(batch, samples - first))
+        pixel = lane % pixels
+        dx = dy = mi.Float(0.5)
+        if not centred:  # a sequence that fills the pixel evenly
+            k = mi.Float(lane // pixels + (first + 1))
+            dx, dy = 0.5 + 0.7548776662 * k, 0.5 + 0.5698402910 * k
+            dx, dy = dx - dr.floor(dx), dy - dr.floor(dy)
+        _add_paths(image, scene, camera.rays(pixel, dx, dy), pixel, lights, n, bounces, seed + first, bound)
+    return np.array(image).reshape(camera.size, camera.size, n, 3).transpose(2, 0, 1, 3) / samples
+
+
+def _add_paths(
+    image: Any, scene: Any, ray: Any, pixel: Any, lights: Any, n: int, bounces: int, seed: int, bound: float
+) -> None:
+    """One path for each ray, added to its pixel of `image` (pixels, n, 3)."""
+    import drjit as dr
+
+    mi = mitsuba()
+    context = mi.BSDFContext()
+    si = scene.ray_intersect(ray)
+    hit = dr.compress(si.is_valid())
+    if dr.width(hit) == 0:
+        return
+    ray, pixel = dr.gather(mi.Ray3f, ray, hit), dr.gather(mi.UInt32, pixel, hit)
+    sampler = mi.load_dict({"type": "independent"})
+    sampler.seed(seed, dr.width(pixel))
+    carried = dr.full(mi.Color3f, math.pi, dr.width(pixel))  # pi: irradiance of a light whose white is 1
+    for k in range(bounces + 1):
+        si = scene.ray_intersect(ray)
+        active = si.is_valid() & (si.wi.z > 0)
+        dr.eval(si, carried, active, pixel)
+        _add_lights(image, scene, si, carried, active, pixel, lights, n, bound if k else math.inf)
+        if k == bounces:
+            return
+        bs, weight = si.bsdf().sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
+        carried = carried * weight
+        ray = si.spawn_ray(si.to_world(bs.wo))
+        alive = dr.compress(active & (dr.max(carried) > 0))
+        if dr.width(alive) == 0:
+            return
+        carried, ray, pixel = (
+            dr.gather(mi.Color3f, carried, alive), dr.gather(mi.Ray3f, ray, alive), dr.gather(mi.UInt32, pixel, alive)
+        )  # fmt: skip
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed + 7919 * (k + 1), dr.width(alive))
+
+
+def _add_lights(
+    image: Any, scene: Any, si: Any, carried: Any, active: Any, pixel: Any, lights: Any, n: int, bound: float
+) -> None:
+    """What every light sends on from one vertex of each path."""
+    import drjit as dr
+
+    mi = mitsuba()
+    context = mi.BSDFContext()
+    vertices = dr.width(si)
+    per = min(n, max(1, LANES // vertices))
+    for first in range(0, n, per):
+        m = min(per, n - first)
+        lane = dr.arange(mi.UInt32, vertices * m)
+        vertex, j = lane // m, lane % m + first
+        own = dr.gather(mi.SurfaceInteraction3f, si, vertex)
+        on = dr.gather(mi.Bool, active, vertex)
+        d = dr.gather(mi.Vector3f, lights, j)
+        f = own.bsdf().eval(context, own, own.to_local(d), on)
+        on &= (dr.max(f) > 0) & (dr.dot(own.n, d) > 0)
+        on &= ~scene.ray_test(own.spawn_ray(d), on)
+        value = f * dr.gather(mi.Color3f, carried, vertex)
+        value = dr.minimum(value, bound) if bound < math.inf else value
+        at = (dr.gather(mi.UInt32, pixel, vertex) * n + j) * 3
+        for c in range(3):
+            dr.scatter_add(image, value[c], at + c, on)
+        dr.eval(image)
+
+
+def stock(
+    scene: Any, light: Float[np.ndarray, " 3"], samples: int = 16, bounces: int = 0, seed: int = 0
+) -> Float[np.ndarray, "s s 3"]:
+    """The image under one light by Mitsuba's own integrator `path`, a mean over each pixel."""
+    mi = mitsuba()
+    up = [1, 0, 0] if abs(light[2]) > 0.9 else [0, 0, 1]
+    parameters = mi.traverse(scene)
+    parameters["light.to_world"] = mi.Transform4f().look_at(origin=[0, 0, 0], target=(-light).tolist(), up=up)
+    parameters.update()
+    path = mi.load_dict({"type": "path", "max_depth": bounces + 2, "rr_depth": 1000})
+    return np.array(mi.render(scene, integrator=path, spp=samples, seed=seed))

@@ -8,6 +8,7 @@ from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about
 from photonormal.solve.learned import measure as module
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import Capture, InputError
 
@@ -33,10 +34,14 @@ def network(kind, seed=0):
     torch.manual_seed(seed)
     if kind == "lambertian-prior":
         return LambertianPriorNet(LambertianPriorConfig(width=8))
+    if kind == "normalnet":
+        net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
+        torch.nn.init.normal_(net.correction.weight, std=0.05)
+        return net
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
 
 
-KINDS = ["lambertian-prior", "psfcn", "psfcn-normalised"]
+KINDS = ["lambertian-prior", "normalnet", "psfcn", "psfcn-normalised"]
 
 
 def apart_deg(a, b):
@@ -86,7 +91,7 @@ def test_streaming_is_the_batch(kind):
     with torch.no_grad():
         x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), 6)
         N = net(x, L, prior * mask)[0].permute(1, 2, 0)[:-2, :-2].numpy()
-    streamed = measure(net, capture, CPU)
+    streamed = measure(net, capture, CPU, prior="woodham")
     m = capture.mask[1:-1, 1:-1]
     assert angle_deg(N[m], streamed.map[1:-1, 1:-1][m]).max() < 0.01
 

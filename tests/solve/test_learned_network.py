@@ -7,6 +7,7 @@ import torch
 
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.network import moment, parameters, scaled
+from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig
 from photonormal.solve.learned.pooling import Pooled, pool
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import InputError
@@ -26,9 +27,17 @@ VARIANTS = [
     replace(SMALL, blocks=7),
 ]
 NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
+    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8))),
+    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, blocks=2, turn=False))),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
 ]
+
+
+def awake(net):
+    """A correction layer that corrects, as after training."""
+    torch.nn.init.normal_(net.correction.weight, std=0.1)
+    return net
 
 
 def observations(b=2, n=5, h=16, w=24, seed=0):

@@ -84,7 +84,7 @@ def _paper(**config: Any) -> Recipe:
 
 CPU = replace(
     PAPER,
-    config={"width": 16},
+    config={"width": 16, "exchange": False},
     images=(16, 32),
     batch=16,
     steps=60_000,
@@ -94,7 +94,21 @@ CPU = replace(
     ema=0.999,
     turns=True,
     reuse=4,
-)  # for hours on two cores: a sixteenth of the paper network's work
+)  # a thirty-fifth of the paper network's work
+
+NORMALNET = Recipe(
+    network="normalnet",
+    images=(8, 64),
+    batch=64,
+    steps=100_000,
+    lr=1.5e-3,
+    schedule="cosine",
+    warmup=500,
+    clip=1.0,
+    ema=0.999,
+    priors=(("trimmed", 0.4), ("woodham", 0.3), ("truth", 0.3)),
+    turns=True,
+)
 
 RECIPES = {
     "paper": PAPER,
@@ -116,7 +130,10 @@ RECIPES = {
     # the baselines in the same conditions
     "psfcn": PSFCN,
     "psfcn-normalised": replace(PSFCN, config={"normalised": True}),
+    # for hours on two cores
     "cpu": CPU,
+    "normalnet": NORMALNET,
+    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=4, validate=1000),
 }
 
 

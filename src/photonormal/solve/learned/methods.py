@@ -44,6 +44,36 @@ class LambertianPrior:
 
 
 @dataclass(frozen=True)
+class NormalNetMethod:
+    """normalnet: a classical prior as the frame of a per-pixel network that then looks around.
+
+    Parameters
+    ----------
+    weights : a weights file of your own; "": the one that comes with the package
+    rotations : 1, or 4 to average over quarter turns (four times the work)
+    prior : a classical method in place of the one that the weights were learned with; "": that one
+    """
+
+    weights: str = ""
+    rotations: int = 1
+    prior: str = ""
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        net = load(self.file, "normalnet")
+        return measure(net, capture, device, self.rotations, prior=self.prior or None)
+
+    @property
+    def file(self) -> Path:
+        """The weights file."""
+        return Path(self.weights) if self.weights else shipped("normalnet")
+
+    @property
+    def weights_sha256(self) -> str:
+        """Checksum of the weights, for reports."""
+        return checksum(self.file)
+
+
+@dataclass(frozen=True)
 class PSFCN:
     """PS-FCN (Chen, Han, Wong, ECCV 2018): no prior.
 

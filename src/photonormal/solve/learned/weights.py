@@ -22,6 +22,7 @@ from photonormal.types import InputError
 NETWORKS = {  # name -> "module:Class", imported only when asked for
     "lambertian-prior": "photonormal.solve.learned.lambertian_prior:LambertianPriorNet",
     "psfcn": "photonormal.solve.learned.psfcn:PSFCNNet",
+    "normalnet": "photonormal.solve.learned.normalnet:NormalNet",
 }
 
 SHIPPED = Path(__file__).parent / "weights"

@@ -1,0 +1,144 @@
+"""normalnet: every pixel first learns from its own images, in a frame that its prior gives; then it looks around.
+
+Fed as plain features a prior is copied, its bias included; as a frame it isn't. Each pixel's lights are turned about
+the view axis until the prior's azimuth is zero, so that one isotropic material looks the same from every side and a
+whole degree of freedom need not be learned. A shared encoder reads each image of a pixel; mean and maximum over the
+images; 3 x 3 layers at full resolution; a correction is added to the prior. Untrained it returns its prior.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from photonormal.solve.learned.layers import SLOPE, Block, conv
+from photonormal.solve.learned.network import Network
+from photonormal.solve.learned.pooling import Pooled, pool
+
+TOKENS = 16  # numbers per image and pixel, see `tokens`
+
+
+@dataclass(frozen=True)
+class NormalNetConfig:
+    """The network's switches; the defaults have 0.345 million parameters.
+
+    Parameters
+    ----------
+    prior : the classical method that gives the frame
+    turn : turn each pixel until the prior's azimuth is zero
+    hidden, features : channels of the encoder's first two layers, and of its last
+    width, layers : channels and number of the 3 x 3 layers before the last one
+    blocks : residual blocks of two such layers, in place of `layers`, where not 0
+    """
+
+    prior: str = "trimmed"
+    turn: bool = True
+    hidden: int = 64
+    features: int = 128
+    width: int = 128
+    layers: int = 2
+    blocks: int = 0
+
+
+class Shared(NamedTuple):
+    """What all images of a pixel share."""
+
+    azimuth: tuple[Tensor, Tensor]  # cosine and sine (b, 1, h, w) of the angle that is turned away
+    slant: tuple[Tensor, Tensor]  # x and z (b, 1, h, w) of the turned prior
+    y: Tensor  # (b, 1, h, w), zero where turned
+    shading: Tensor  # (b, 1, h, w) root mean square of max(n.l, 0) of the prior over all lights
+
+
+class NormalNet(Network):
+    """Grey images (b, n, 1, h, w) over their root mean square, lights (b, n, 3), prior (b, 3, h, w) to unit normals."""
+
+    Config: ClassVar[type] = NormalNetConfig
+    scaling = "grey"
+    stride = 1
+
+    def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
+        super().__init__()
+        self.config = c = config
+        self.reach = (2 * c.blocks or c.layers) + 1
+        self.floats = 2 * c.features + 8
+        act = nn.LeakyReLU(SLOPE, inplace=True)
+        self.encoder = nn.Sequential(
+            nn.Linear(TOKENS, c.hidden), act, nn.Linear(c.hidden, c.hidden), act, nn.Linear(c.hidden, c.features), act
+        )
+        self.fuse = nn.Sequential(nn.Linear(2 * c.features + 3, c.width), act)
+        layer, count = (Block, c.blocks) if c.blocks else (conv, c.layers)
+        self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
+        self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
+        for module in self.modules():
+            if isinstance(module, nn.Linear | nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, a=SLOPE)
+                if module.bias is not None:
+                    nn.init.zeros_(module.bias)
+            if isinstance(module, Block):  # a branch starts small beside its shortcut
+                module.second.weight.data.mul_(0.3)
+        nn.init.normal_(self.correction.weight, std=1e-3)
+
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> Shared:
+        known = prior.square().sum(1, keepdim=True) > 0.25
+        x, y, z = torch.where(known, prior, prior.new_tensor([0.0, 0.0, 1.0])[:, None, None]).float().split(1, dim=1)
+        z = z.clamp(min=0.05)  # a surface that is seen looks towards the camera
+        r = torch.sqrt(x * x + y * y)
+        c, s = torch.where(r > 1e-6, x / r, 1.0), torch.where(r > 1e-6, y / r, 0.0)
+        if not self.config.turn:
+            c, s = torch.ones_like(c), torch.zeros_like(s)
+        x, y = c * x + s * y, c * y - s * x
+        length = torch.sqrt(x * x + y * y + z * z)
+        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c))
+        total = torch.zeros_like(c)
+        for light in lights.split(32, dim=1):
+            total += cosines(light, shared)[1].clamp(min=0).square().sum(1, keepdim=True)
+        return shared._replace(shading=(total / lights.shape[1]).sqrt().clamp(min=0.05))
+
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+        seen = tokens(images[:, :, 0], lights, shared)  # (b, k, h, w, 16)
+        features = self.encoder(seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
+        return pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
+
+    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        assert pooled.total is not None
+        (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
+        frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
+        mean = (pooled.total / n).to(pooled.maximum.dtype)
+        x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3)
+        x = self.fuse(x).permute(0, 3, 1, 2)  # channels last in memory
+        n_x, n_y, n_z = (frame + self.correction(self.spatial(x)).float()).split(1, dim=1)
+        return F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
+
+
+def cosines(lights: Float[Tensor, "b k 3"], shared: Shared) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
+    """Each pixel's turned lights, x, y, z of (b, k, h, w), and their cosines with the prior (b, k, h, w)."""
+    (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
+    x, y, z = lights[..., None, None].float().unbind(2)  # (b, k, 1, 1)
+    x, y = c * x + s * y, c * y - s * x  # (b, k, h, w)
+    return (x, y, z), nx * x + ny * y + nz * z
+
+
+def tokens(I: Float[Tensor, "b k h w"], lights: Float[Tensor, "b k 3"], shared: Shared) -> Float[Tensor, "b k h w 16"]:
+    """What is known of an image at a pixel, in the pixel's frame.
+
+    The observation (over the pixel's root mean square) and what it exceeds the prior's shading by, both also as
+    logarithms; the turned light and half vector; their cosines with the prior, the latter also magnified near a
+    highlight; whether the prior sees the light; the prior itself. (Matrices of 16 columns are several times faster
+    than of 8.)
+    """
+    (x, y, z), cos = cosines(lights, shared)
+    nx, nz = (v.expand_as(x) for v in shared.slant)
+    s = torch.rsqrt(2 + 2 * z)  # 1 / |l + v|
+    half = (cos + nz) * s  # n.h
+    shading = cos.clamp(min=0) / shared.shading
+    log = torch.log1p(20 * I) / 2 - 1
+    excess = log - (torch.log1p(20 * shading) / 2 - 1)
+    z, s = z.expand_as(x), s.expand_as(x)
+    near, sees = 10 * (half - 0.9).clamp(min=-0.1), (cos > 0).to(cos.dtype)
+    found = [I, I - shading, log, excess, x, y, z, x * s, y * s, (z + 1) * s, cos, half, near, sees, nx, nz]
+    return torch.stack(found, dim=-1)

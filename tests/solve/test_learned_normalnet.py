@@ -1,0 +1,67 @@
+"""normalnet: it starts at its prior, and turning a pixel turns its normal."""
+
+import pytest
+import torch
+from torch.nn import functional as F
+
+from photonormal.solve.learned.network import parameters
+from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig, tokens
+
+
+def pixels(b=3, n=9, side=6, seed=0):
+    g = torch.Generator().manual_seed(seed)
+    images = torch.rand(b, n, 1, side, side, generator=g)
+    lights = F.normalize(torch.randn(b, n, 3, generator=g) + torch.tensor([0, 0, 2.0]), dim=-1)
+    prior = F.normalize(torch.randn(b, 3, side, side, generator=g) + torch.tensor([0, 0, 2.0])[:, None, None], dim=1)
+    prior[:, 2].abs_()
+    return images, lights, F.normalize(prior, dim=1)
+
+
+def turned(v, degrees, axis):
+    a = torch.deg2rad(torch.tensor(degrees))
+    x, y, z = v.unbind(axis)
+    return torch.stack([a.cos() * x - a.sin() * y, a.sin() * x + a.cos() * y, z], axis)
+
+
+def test_size():
+    assert parameters(NormalNet()) == 345_475
+
+
+def test_untrained_it_returns_its_prior():
+    images, lights, prior = pixels()
+    torch.manual_seed(0)
+    N = NormalNet()(images, lights, prior)
+    seen = prior[:, 2] > 0.05
+    assert ((N * prior).sum(1)[seen] > 0.99).all()
+
+
+def test_without_a_prior_a_pixel_faces_the_camera():
+    images, lights, prior = pixels()
+    N = NormalNet()(images, lights, 0 * prior)
+    assert (N[:, 2] > 0.99).all()
+
+
+@pytest.mark.parametrize("degrees", [37.0, 90.0, 200.0])
+def test_each_pixel_turns_with_its_lights_and_prior(degrees):
+    """Turning lights and prior about the view axis by any angle changes no token, so the normal turns too."""
+    images, lights, prior = pixels()
+    prior[:, :, 0, 0] = torch.tensor([0, 0, 1.0])  # no azimuth: nothing to turn by
+    torch.manual_seed(0)
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
+    torch.nn.init.normal_(net.correction.weight, std=0.1)
+    l, p = turned(lights, degrees, -1), turned(prior, degrees, 1)
+    a, b = (tokens(images[:, :, 0], x, net.begin(y, x)) for x, y in ((lights, prior), (l, p)))
+    away = prior[:, :2].norm(dim=1) > 1e-3
+    torch.testing.assert_close(a.movedim(1, 3)[away], b.movedim(1, 3)[away], atol=1e-5, rtol=0)
+    with torch.no_grad():
+        N, M = net(images, lights, prior), net(images, l, p)
+    inside = (slice(None), slice(None), slice(4, None), slice(4, None))  # out of reach of the pixel without azimuth
+    torch.testing.assert_close(turned(N, degrees, 1)[inside], M[inside], atol=1e-4, rtol=0)
+
+
+def test_not_turned_it_sees_the_difference():
+    images, lights, prior = pixels()
+    net = NormalNet(NormalNetConfig(turn=False))
+    l, p = turned(lights, 90.0, -1), turned(prior, 90.0, 1)
+    a, b = (tokens(images[:, :, 0], x, net.begin(y, x)) for x, y in ((lights, prior), (l, p)))
+    assert (a - b).abs().max() > 0.1

@@ -138,6 +138,52 @@ class Integrate:
 
 
 @dataclass(frozen=True)
+class Calibrate:
+    """Light directions from photographs of a mirror sphere."""
+
+    folder: Positional[Path]
+    """The object's photographs, which the lights are for."""
+    sphere: tuple[Path, ...] = (Path("AUTO"),)
+    """Folders with photographs of a mirror sphere under the same lights in the same order; AUTO: it is in FOLDER's."""
+    out: Path = Path("lights.lp")
+    """File to write; light_directions.txt, a JSON report and a picture of what was found are written beside it."""
+    circle: tuple[str, ...] = ()
+    """Outlines x,y,r in pixels from the upper left, one for each sphere; found where none are given."""
+    count: int = 1
+    """Spheres that each photograph shows."""
+    focal_px: float | None = None
+    """Focal length in pixels, for spheres near the camera; a camera far away without it."""
+    radius_mm: float | None = None
+    """The spheres' radius; with two or more in one frame the lights' positions are found too."""
+    overwrite: bool = False
+    """Replace files that exist."""
+
+    def __call__(self) -> int:
+        from photonormal.rig import calibrate
+
+        report = calibrate(
+            self.folder,
+            self.sphere,
+            self.out,
+            circles=self.circle,
+            count=self.count,
+            focal_px=self.focal_px,
+            radius_mm=self.radius_mm,
+            overwrite=self.overwrite,
+        )
+        for warning in report["warnings"]:
+            print(f"photonormal: warning: {warning}", file=sys.stderr)
+        for sphere in report["spheres"]:
+            c = sphere["circle"]
+            print(
+                f"{sphere['folder']}: sphere at ({c['x']:.1f}, {c['y']:.1f}), radius {c['r']:.1f} px, "
+                f"confidence {c['confidence']:.2f}"
+            )
+        print(f"{len(report['lights'])} lights: {', '.join(report['files'])}")
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -155,6 +201,7 @@ Command = (
     Annotated[Measure, tyro.conf.subcommand("measure")]
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Integrate, tyro.conf.subcommand("integrate")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )
 

@@ -129,7 +129,7 @@ def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
 
 def find_pictures(folder: Path) -> list[Path]:
     """Picture files of a folder in natural order, without masks, mattes and normal maps."""
-    other = re.compile(r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary)$", re.IGNORECASE)
+    other = re.compile(r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary|spheres)$", re.IGNORECASE)
     return sorted((p for p in _picture_files(folder) if not other.search(p.stem)), key=natural)
 
 

@@ -1,0 +1,1 @@
+"""Photographs of a mirror sphere -> light directions and positions."""

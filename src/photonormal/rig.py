@@ -1,0 +1,223 @@
+"""From the photographs of a rig to calibrated lights on disk: read -> calibrate -> write."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import photonormal
+from photonormal.calibrate.circle import Circle
+from photonormal.calibrate.mirror import mean_directions, nearest_point
+from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
+from photonormal.capture.assemble import find_mask, find_pictures
+from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.capture.texts import read_lines
+from photonormal.export.folder import write
+from photonormal.geometry import angle_deg
+from photonormal.progress import progress
+from photonormal.types import InputError
+
+AUTO = "AUTO"  # the spheres are in the object's own photographs
+
+
+def calibrate(
+    folder: str | Path,
+    spheres: Sequence[str | Path] = (AUTO,),
+    out: str | Path = "lights.lp",
+    circles: Sequence[str] = (),
+    count: int = 1,
+    focal_px: float | None = None,
+    radius_mm: float | None = None,
+    overwrite: bool = False,
+) -> dict[str, Any]:
+    """Light directions from photographs of one or several mirror spheres.
+
+    Parameters
+    ----------
+    folder : the object's photographs, which the lights are for
+    spheres : folders with photographs of a sphere under the same lights in the same order; "AUTO": `folder` itself
+    out : `.lp` file; `light_directions.txt`, a JSON report and a picture of what was found are written beside it
+    circles : outlines "x,y,r", in pixels from the upper left, in the order of the spheres; found where there are none
+    count : spheres in each folder of photographs
+    focal_px : focal length in pixels, for spheres near the camera; None: orthographic
+    radius_mm : the spheres' radius; with two or more in one frame the lights' positions are found and written too
+
+    Returns
+    -------
+    The report, as written.
+
+    Raises
+    ------
+    InputError
+        If a sphere, a highlight or a picture is missing; then nothing has been written.
+    """
+    out = Path(out)
+    if out.suffix.lower() != ".lp":
+        raise InputError(f"--out {out} ends in {out.suffix!r} but an .lp file is written; choose a name that ends so.")
+    files = {
+        "lp": out,
+        "table": out.with_name("light_directions.txt"),
+        "report": out.with_suffix(".json"),
+        "picture": out.with_name(f"{out.stem}_spheres.png"),
+    }
+    taken = [p.name for p in files.values() if p.exists()]
+    if taken and not overwrite:
+        raise InputError(f"{taken[0]} exists beside {out}; choose another --out, or add --overwrite to replace it.")
+    from photonormal.calibrate import files as text
+    from photonormal.calibrate.picture import beside, drawn
+    from photonormal.export.normal_maps import encode_png
+
+    names = [p.name for p in numbered_pictures(Path(folder))]
+    camera, found, pictures = Camera(focal_px), [], []
+    given = [_circle(c) for c in circles]
+    for k, place in enumerate(spheres):
+        path = Path(folder) if str(place) == AUTO else Path(place)
+        share = given[k * count : (k + 1) * count]
+        if share and len(share) < count:
+            raise InputError(
+                f"{len(given)} circles came for {len(spheres) * count} spheres; give one for each, or none."
+            )
+        with progress(f"spheres in {path.name}"):
+            here, brightest = _spheres(path, names, share, count, camera)
+        found += here
+        pictures.append(drawn(brightest, here))
+    L = mean_directions([s.L for s in found])  # (n, 3)
+    content: dict[str, Any] = {
+        "photonormal": photonormal.__version__,
+        "folder": Path(folder).resolve().name,
+        "frame": "x right, y up, z to the camera; from the object to the light",
+        "view": "orthographic" if focal_px is None else f"perspective, focal length {focal_px:g} px",
+        "spheres": [{"folder": s.where, "circle": asdict(s.circle), "confidence_elsewhere": s.rival} for s in found],
+        "lights": [
+            {
+                "picture": name,
+                "direction": L[j],
+                "off_mean_deg": [round(float(angle_deg(s.L[j], L[j])), 4) for s in found],
+                "highlights": [asdict(s.highlights[j]) for s in found],
+            }
+            for j, name in enumerate(names)
+        ],
+        "warnings": [line for s in found for line in s.doubts(names)],
+    }
+    tables = {"table": L}
+    if radius_mm is not None and len(found) > 1:
+        if len(spheres) > 1:
+            raise InputError(
+                f"the spheres come from {len(spheres)} folders but their places in one frame are needed for the "
+                "lights' positions; photograph them together and give --count, or leave --radius-mm out."
+            )
+        X, miss = _positions(found, radius_mm, focal_px)
+        files["positions"] = out.with_name("light_positions.txt")
+        content["position_origin"] = (
+            "the middle of the picture, at the spheres' depth" if focal_px is None else "camera"
+        )
+        for light, x, m in zip(content["lights"], X, miss, strict=True):
+            light |= {"position_mm": x, "lines_miss_mm": round(m, 4)}
+        tables["positions"] = X
+    _make_folder(out.parent)
+    for name, rows in tables.items():
+        write(files[name], text.table(rows))
+    write(files["report"], text.report(content))
+    write(files["picture"], encode_png(beside(pictures)))
+    write(files["lp"], text.lp(names, L))
+    return content | {"files": [str(p) for p in files.values()]}
+
+
+def numbered_pictures(folder: Path) -> list[Path]:
+    """The photographs of a folder, one for each light: those that `filenames.txt` lists, or those with a number.
+
+    `ref.jpg` or `ambient.png` beside `001.png`, `002.png`, ... is no photograph under one light.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder but one with photographs is needed; give that.")
+    if (folder / "filenames.txt").is_file():
+        return [folder / name for name in read_lines(folder / "filenames.txt")]
+    pictures = find_pictures(folder)
+    numbered = [p for p in pictures if re.search(r"\d", p.stem)]
+    if not pictures:
+        raise InputError(f"{folder} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, NPY or RAW files.")
+    return numbered or pictures
+
+
+def _spheres(
+    folder: Path, names: Sequence[str], circles: Sequence[Circle], count: int, camera: Camera
+) -> tuple[list[Sphere], np.ndarray]:
+    """The spheres of a folder under the lights of the pictures `names`, and the brightest value of every pixel."""
+    paths = _in_order_of(names, numbered_pictures(folder), folder)
+    images = ImageFiles(paths, None, np.ones((len(paths), 1)))
+    others = [p for p in find_pictures(folder) if p not in paths and not re.search(r"\d", p.stem)]
+    scale = 1 / float(images[0].max() or 1) if images.dtype.kind == "f" else 1.0  # floats have no full scale
+
+    def grey(j: int) -> np.ndarray:
+        return images[j].mean(-1) * scale
+
+    def other(path: Path) -> Any:
+        picture = ImageFiles([path], None, np.ones((1, 1)))
+        return (lambda _: picture[0].mean(-1)) if picture.shape[1:3] == images.shape[1:3] else None
+
+    mask = None if circles else find_mask(folder)
+    here = look_at_spheres(
+        grey,
+        images.shape[1:3],
+        [p.name for p in paths],
+        folder.resolve().name,
+        circles=circles,
+        mask=None if mask is None else read_mask(mask),
+        extra=[] if circles or mask else [read for read in map(other, others) if read is not None],
+        spheres=count,
+        camera=camera,
+    )
+    brightest = np.zeros(images.shape[1:3], np.float32)
+    for j in range(len(paths)):
+        np.maximum(brightest, grey(j), out=brightest)
+    return here, brightest
+
+
+def _in_order_of(names: Sequence[str], pictures: Sequence[Path], folder: Path) -> list[Path]:
+    """The sphere's pictures in the order of the object's: by name where names agree, else as they come."""
+    by_name = {p.name: p for p in pictures}
+    if all(name in by_name for name in names):
+        return [by_name[name] for name in names]
+    if len(pictures) != len(names):
+        raise InputError(
+            f"{folder} shows the sphere under {len(pictures)} lights but there are {len(names)} photographs of the "
+            "object; one picture of each for every light is needed, in the same order."
+        )
+    return list(pictures)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} can't be made ({error.strerror}); choose another --out.") from None
+
+
+def _circle(text: str) -> Circle:
+    try:
+        x, y, r = (float(v) for v in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--circle {text[:40]!r} came but x,y,r is needed: centre from the upper left and radius, in pixels."
+        ) from None
+    return Circle(x, y, r)
+
+
+def _positions(found: Sequence[Sphere], radius_mm: float, focal_px: float | None) -> tuple[np.ndarray, list[float]]:
+    """Positions of the lights (n, 3) in mm and by how much the spheres' lines to each miss one another."""
+    if focal_px is None:
+        mm = radius_mm / np.mean([s.circle.r for s in found])  # a pixel
+        x0, y0 = Camera().axis(found[0].shape)
+        points = [np.array([s.circle.x - x0, y0 - s.circle.y, 0]) * mm + radius_mm * s.points for s in found]
+    else:
+        points = [radius_mm * s.points for s in found]
+    solved = [
+        nearest_point(np.stack([p[j] for p in points]), np.stack([s.L[j] for s in found]))
+        for j in range(len(found[0].L))
+    ]
+    return np.stack([x for x, _ in solved]), [m for _, m in solved]

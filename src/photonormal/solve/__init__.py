@@ -19,6 +19,8 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "rpca": "photonormal.solve.classical.rpca:RPCA",
     "median": "photonormal.solve.classical.median:Median",
     "ransac": "photonormal.solve.classical.ransac:Ransac",
+    "consensus": "photonormal.solve.classical.consensus:Consensus",
+    "monotonic": "photonormal.solve.classical.monotonic:Monotonic",
     "bipolynomial": "photonormal.solve.classical.bipolynomial:Bipolynomial",
     "bivariate": "photonormal.solve.classical.bivariate:Bivariate",
 }

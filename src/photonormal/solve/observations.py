@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from photonormal.shading import LUMA
@@ -74,6 +74,13 @@ def ascending(I: Float[Tensor, "*p n"]) -> Float[Tensor, "*p n"]:
     if I.device.type == "cpu":  # numpy sorts with vector instructions: ten times faster than torch there
         return torch.from_numpy(np.sort(I.numpy(), axis=-1))
     return I.sort(dim=-1).values
+
+
+def ascending_order(x: Float[Tensor, "*p n"]) -> Int[Tensor, "*p n"]:
+    """Indices that put each pixel's values in ascending order."""
+    if x.device.type == "cpu":
+        return torch.from_numpy(np.argsort(x.numpy(), axis=-1))
+    return x.argsort(dim=-1)
 
 
 def normalised(b: Float[Tensor, "*p 3"]) -> Float[Tensor, "*p 3"]:

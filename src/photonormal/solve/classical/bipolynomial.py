@@ -19,9 +19,9 @@ from photonormal.types import Capture, Normals
 class Bipolynomial:
     """rho(x, y) = sum_ij C_ij (1 - x)^i (1 - y)^j with x = n.h, y = l.h: the low-frequency part of an isotropic BRDF.
 
-    Only samples of lower rank enter, so that no sharp highlight needs modelling. C and the normal are found in turn, each
-    by linear least squares. A ridge on all but the constant keeps C from absorbing errors of the normal where the lights
-    cover a narrow cone. Needs 6 lights.
+    Only samples of lower rank enter, so that no sharp highlight needs modelling. C and the normal are found in turn,
+    each by linear least squares. A ridge on all but the constant keeps C from absorbing errors of the normal where the
+    lights cover a narrow cone. Needs 6 lights.
 
     Parameters
     ----------

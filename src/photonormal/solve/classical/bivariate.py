@@ -23,9 +23,9 @@ SIX_TO_NINE = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # xx xy xz yy yz zz -> 3 x 3
 class Bivariate:
     """n.l = g(I, v.l), the inverse of the reflectance: a Bernstein polynomial that grows with I from g(0, .) = 0.
 
-    g = sum_kj d_kj (sum_{i>=k} B_i(I)) B_j(v.l) with d >= 0, so the normal and d minimise |L n - Phi d|^2, of which n is
-    eliminated. Ours beside the paper's: the brightest samples are left out, g bends at a cost, and samples far from
-    the fit lose weight (they are cast shadows and interreflections), round by round. Needs 6 lights.
+    g = sum_kj d_kj (sum_{i>=k} B_i(I)) B_j(v.l) with d >= 0, so the normal and d minimise |L n - Phi d|^2, of which n
+    is eliminated. Beyond the paper, the brightest samples are left out, g bends at a cost, and samples far from the fit
+    lose weight (they are cast shadows and interreflections), round by round. Needs 6 lights.
 
     Parameters
     ----------

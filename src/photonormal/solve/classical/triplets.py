@@ -15,7 +15,7 @@ def conditioned_triplets(L: Float[Tensor, "n 3"], count: int, seed: int) -> Int[
     Lights are ranked by direction first, so that the order of the images does not matter.
     """
     n = L.shape[0]
-    order = torch.tensor(sorted(range(n), key=L.tolist().__getitem__))
+    order = by_direction(L)
     if n * (n - 1) * (n - 2) // 6 <= DRAWN * count:
         triplets = torch.combinations(torch.arange(n), 3)
     else:
@@ -25,6 +25,11 @@ def conditioned_triplets(L: Float[Tensor, "n 3"], count: int, seed: int) -> Int[
     volume = torch.linalg.det(L[triplets].double()).abs()
     best = volume.argsort(descending=True)[:count]
     return triplets[best[volume[best] > 1e-3]]
+
+
+def by_direction(L: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
+    """The lights in an order that depends on their directions alone."""
+    return torch.tensor(sorted(range(L.shape[0]), key=L.tolist().__getitem__))
 
 
 def hypotheses(

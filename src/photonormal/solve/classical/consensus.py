@@ -1,0 +1,102 @@
+"""Consensus of constraints: T. Higo, Y. Matsushita, K. Ikeuchi, CVPR 2010."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.geometry import fibonacci_hemisphere
+from photonormal.solve.classical.triplets import by_direction
+from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.types import Capture, Normals
+
+TOGETHER = 512  # pixels voted on at a time
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """Candidate normals over the hemisphere, each with the votes of all pairs of lit samples; the mean of the best.
+
+    Monotonicity: I_i > I_j asks for n.(l_i - l_j) > 0, for any reflectance that grows with n.l. Visibility: a lit sample
+    asks for n.l > 0. No reflectance is fitted, so it holds on metal, but the answer is a region as wide as the
+    lights are sparse. Needs 6 lights.
+
+    Parameters
+    ----------
+    coarse, fine : candidates on the hemisphere; the fine ones are voted on around the best coarse one only
+    reach_deg : how far around under 48 lights or more, degrees; fewer lights leave wider regions
+    pairs : pairs of lights that vote, at most
+    noise : relative difference of two samples below which their vote fades
+    visible : votes that a lit sample on the dark side takes away, in units of the number of lights
+    tie : share of all votes within which candidates count as equal
+    """
+
+    coarse: int = 400
+    fine: int = 20000
+    reach_deg: float = 8.0
+    pairs: int = 4000
+    noise: float = 0.01
+    visible: float = 2.5
+    tie: float = 0.003
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        at_least(6, capture, "consensus")
+        return per_lit_pixel(self.fit, capture, device, torch.float32)
+
+    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+        """Unit normals from the samples to `keep`."""
+        coarse = hemisphere(self.coarse, L)  # (m, 3)
+        near = (self.best(I, keep, L, coarse) @ coarse.T).argmax(1)  # (p,)
+        fine = hemisphere(self.fine, L)
+        reach_deg = min(45.0, self.reach_deg * max(1.0, 48 / L.shape[0]))
+        reached = coarse @ fine.T > np.cos(np.radians(reach_deg))
+        N = torch.zeros_like(I[:, :3])
+        for cell in near.unique().tolist():  # pixels of one coarse candidate share the fine ones
+            p = torch.nonzero(near == cell)[:, 0]
+            N[p] = self.best(I[p], keep[p], L, fine[reached[cell]])
+        return N * (keep.sum(1, keepdim=True) >= 3)
+
+    def best(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], C: Float[Tensor, "m 3"]
+    ) -> Float[Tensor, "p 3"]:
+        """The mean of the candidates with the most votes."""
+        found = []
+        for samples, lit in chunks(I, keep):
+            score, cast = self.votes(samples, lit, L, C)
+            tied = score >= score.amax(1, keepdim=True) - self.tie * cast
+            found.append(tied.to(I.dtype) @ C)
+        return normalised(torch.cat(found))
+
+    def votes(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], C: Float[Tensor, "m 3"]
+    ) -> tuple[Float[Tensor, "p m"], Float[Tensor, "p 1"]]:
+        """Votes of each pixel for each candidate, and the number of votes cast."""
+        i, j = self.pairs_of(L)
+        difference = I[:, i] - I[:, j]
+        noise = self.noise * torch.maximum(I[:, i], I[:, j]).clamp(min=1e-9)
+        w = (difference / noise).clamp_(-1, 1).mul_(keep[:, i] & keep[:, j])  # (p, pairs)
+        monotonic = w @ ((L[i] - L[j]) @ C.T).sign()
+        hidden = keep.to(I.dtype) @ (L @ C.T <= 0).to(I.dtype)
+        return monotonic - self.visible * L.shape[0] * hidden, w.abs().sum(1, keepdim=True)
+
+    def pairs_of(self, L: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
+        """All pairs of lights, or as many of them as asked for, whatever the order of the images."""
+        pairs = torch.combinations(by_direction(L), 2)
+        if len(pairs) > self.pairs:
+            pairs = pairs[torch.randperm(len(pairs), generator=torch.Generator().manual_seed(0))[: self.pairs]]
+        return pairs[:, 0].to(L.device), pairs[:, 1].to(L.device)
+
+
+def hemisphere(m: int, like: Tensor) -> Float[Tensor, "m 3"]:
+    """m directions spread over the hemisphere."""
+    return torch.as_tensor(fibonacci_hemisphere(m), dtype=like.dtype, device=like.device)
+
+
+def chunks(I: Tensor, keep: Tensor) -> zip:
+    """Some pixels at a time."""
+    step = TOGETHER if I.device.type == "cpu" else 32 * TOGETHER
+    return zip(I.split(step), keep.split(step), strict=True)

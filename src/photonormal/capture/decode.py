@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import struct
 import zlib
+from math import prod
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ RAW = {".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef"}
 SUFFIXES = PLAIN | TIFF | RAW | {".exr", ".npy"}
 
 PNG_START = b"\x89PNG\r\n\x1a\n"
+DENSEST = 2000  # samples' bytes for each byte of a TIFF, at most; compression reaches half of that
 JPEG_START, JPEG_SCAN, JPEG_END = b"\xff\xd8\xff", 0xDA, b"\xff\xd9"
 
 logging.getLogger("tifffile").addHandler(logging.NullHandler())  # what it has to say arrives as an InputError
@@ -159,11 +161,16 @@ def _tiff(path: Path) -> np.ndarray:
             raise InputError(
                 f"picture {path} is {photometric} with axes {page.axes} but grey levels or RGB are needed; convert it."
             )
-        if any(o + n > tiff.filehandle.size for o, n in zip(page.dataoffsets, page.databytecounts, strict=True)):
-            raise _damaged(path, f"is truncated ({tiff.filehandle.size} bytes)")
+        size, parts = tiff.filehandle.size, list(zip(page.dataoffsets, page.databytecounts, strict=False))
+        if len(parts) != prod(page.chunked) or any(n == 0 or start + n > size for start, n in parts):
+            raise _damaged(path, f"is truncated or damaged ({size} bytes)")  # tifffile would put zeros there
+        if page.nbytes > DENSEST * size:
+            raise _damaged(path, f"claims {page.nbytes} bytes of samples in {size}")
         try:
             picture = page.asarray()
         except (ValueError, ImportError) as error:  # a compression that tifffile leaves to another package
+            if isinstance(error, ValueError) and "imagecodecs" not in str(error):
+                raise
             if compression not in ("LZW", "JPEG", "DEFLATE", "ADOBE_DEFLATE"):
                 raise InputError(
                     f"picture {path} can't be decoded ({error}); pip install imagecodecs or export it uncompressed."

@@ -12,12 +12,12 @@ ballPNG/
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path
 
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.matlab import read_mat
 from photonormal.capture.texts import read_directions, read_intensities, read_lines
 from photonormal.types import Capture, InputError
 
@@ -52,28 +52,17 @@ def read(path: Path, choice: Choice) -> Capture:
         lights=read_directions(path / "light_directions.txt"),
         intensities=read_intensities(path / "light_intensities.txt", len(names)),
         mask=path / "mask.png" if (path / "mask.png").exists() else None,
-        truth=read_mat(path / "Normal_gt.mat") if (path / "Normal_gt.mat").exists() else None,
+        truth=read_normals(path / "Normal_gt.mat") if (path / "Normal_gt.mat").exists() else None,
         choice=choice,
     )
 
 
-def read_mat(path: Path, variable: str = "Normal_gt") -> np.ndarray:
-    """A numeric array from a MATLAB file; nothing else in it is interpreted."""
-    from scipy.io import loadmat
-
-    try:
-        with warnings.catch_warnings(action="ignore"):
-            value = loadmat(path, variable_names=[variable]).get(variable)
-    except Exception as error:  # scipy raises anything on a damaged file
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise InputError(f"{path} can't be read ({reason[:200]}); save {variable} as a version 7 .mat file.") from None
-    if not isinstance(value, np.ndarray):
-        raise InputError(f"{path} has no array {variable} but it is needed; save it there.")
-    if value.dtype.kind not in "fiu" or value.ndim != 3 or value.shape[2] != 3:
-        raise InputError(
-            f"{variable} in {path} is {value.dtype} {value.shape} but (h, w, 3) numbers are needed; save those."
-        )
-    return value.astype(np.float64)
+def read_normals(path: Path) -> np.ndarray:
+    """The variable Normal_gt (h, w, 3) of a MATLAB file."""
+    normals = read_mat(path, "Normal_gt")
+    if normals.ndim != 3 or normals.shape[2] != 3:
+        raise InputError(f"Normal_gt in {path} is {normals.shape} but (h, w, 3) is needed; save normals there.")
+    return normals
 
 
 def _is_object(folder: Path) -> bool:

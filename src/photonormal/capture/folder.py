@@ -15,7 +15,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from photonormal.capture.assemble import Choice, assemble, find_mask, find_pictures
-from photonormal.capture.diligent import read_mat
+from photonormal.capture.diligent import read_normals
 from photonormal.capture.lights import read_csv
 from photonormal.capture.texts import read_directions, read_intensities, read_lines
 from photonormal.types import Capture, InputError
@@ -51,6 +51,6 @@ def read(path: Path, choice: Choice) -> Capture:
         lights=lights,
         intensities=read_intensities(intensities, len(pictures)) if intensities.exists() else None,
         mask=find_mask(path) if choice.mask is None else None,
-        truth=read_mat(truth) if truth.exists() else None,
+        truth=read_normals(truth) if truth.exists() else None,
         choice=choice,
     )

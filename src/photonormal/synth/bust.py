@@ -62,17 +62,17 @@ class Bust:
     def trimmed(self) -> Bust:
         return self
 
-    def base(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p"]:
+    def base(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
         """Distance without the displacement."""
-        q = p @ self.R
+        q = self.R.transpose(1, 2) @ p
         k = 0.035
         parts = [_union(q, FACE, k), _union(q, HAIR, 0.03), _union(q, CLOTH, 0.08)]
-        return _cut(-0.012 * torch.logsumexp(torch.stack(parts, -1) / -0.012, -1), q)
+        return _cut(-0.012 * torch.logsumexp(torch.stack(parts, 1) / -0.012, 1), q)
 
-    def __call__(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p"]:
+    def __call__(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
         """About the signed distance to the surface."""
-        q = p @ self.R
-        x, y, z = q.unbind(-1)
+        q = self.R.transpose(1, 2) @ p
+        x, y, z = q.unbind(1)
         strands = torch.sin(34 * torch.atan2(x, z + 0.35) + 5 * torch.sin(4 * y) + 7 * y)
         waves = torch.sin(11 * y + 6 * x * x + 2 * torch.sin(5 * z))
         hair = _union(q, HAIR, 0.03) - 0.012 * strands - 0.014 * waves
@@ -83,20 +83,19 @@ class Bust:
         lids = 0.02 * torch.exp(-(((y - 0.335 + 2 * (x.abs() - 0.135).square()) / 0.013).square()))
         lids = lids * torch.exp(-(((x.abs() - 0.135) / 0.065).square().square())) * (z > 0.2)
         face = _union(q, FACE, 0.035) + lips - lids
-        return _cut(-0.012 * torch.logsumexp(torch.stack([face, hair, cloth], -1) / -0.012, -1), q)
+        return _cut(-0.012 * torch.logsumexp(torch.stack([face, hair, cloth], 1) / -0.012, 1), q)
 
 
 def _union(q: Tensor, parts: list, k: float) -> Tensor:
-    c = q.new_tensor([part[0] for part in parts])
-    a = q.new_tensor([part[1] for part in parts])
-    r = ((q[:, :, None] - c) / a).square().sum(-1).add(1e-12).sqrt()
-    # the smaller of two estimates of the distance: far away by the shortest axis, near by the gradient
-    return -k * torch.logsumexp((r - 1) * a.amin(-1) / -k, -1)
+    c = q.new_tensor([part[0] for part in parts])[..., None]  # (k, 3, 1)
+    a = q.new_tensor([part[1] for part in parts])[..., None]
+    r = ((q[:, None] - c) / a).square().sum(2).add(1e-12).sqrt()  # (b, k, p)
+    return -k * torch.logsumexp((r - 1) * a.amin(1) / -k, 1)
 
 
 def _cut(d: Tensor, q: Tensor) -> Tensor:
     """The flat foot."""
-    return smooth_max(d, -1.02 - q[..., 1], 0.01)
+    return smooth_max(d, -1.02 - q[:, 1], 0.01)
 
 
 def busts(g: np.random.Generator, b: int) -> Bust:

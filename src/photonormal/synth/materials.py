@@ -56,14 +56,14 @@ class Skin:
     f: Reflectance
 
 
-def dress(coats: Coats, p: Float[Tensor, "b p 3"], shelf: Library | None) -> list[Skin]:
+def dress(coats: Coats, p: Float[Tensor, "b 3 p"], shelf: Library | None) -> list[Skin]:
     """Evaluate patterns and textures at points of the surface: skins whose values add up in each scene."""
-    weights = _weights(coats, p)  # (b, p, 4)
-    tint, stain = _texture(coats, p, weights)  # (b, 3, p), (b, p)
+    weights = _weights(coats, p)  # (b, 4, p)
+    tint, stain = _texture(coats, p)  # (b, 3, p), (b, p)
     skins = []
     principled = (coats.family[:, 0] == 0).nonzero()[:, 0]
     if principled.numel():
-        values = (weights[principled] @ coats.palette[principled]).transpose(1, 2)  # (c, 11, p)
+        values = coats.palette[principled].transpose(1, 2) @ weights[principled]  # (c, 11, p)
         base = (values[:, :3] * tint[principled]).clamp(0.01, 0.97)
         rough = (values[:, 4] + 0.35 * stain[principled]).clamp(0.12, 1)
         values = torch.cat([base, values[:, 3:4], rough[:, None], values[:, 5:]], 1)
@@ -90,7 +90,7 @@ def radiance(skins: list[Skin], cos_l: Tensor, cos_v: Tensor, cos_h: Tensor, cos
 def _measured(coat: Coats, scenes: Tensor, weights: Tensor, tint: Tensor, shelf: Library | None) -> Skin:
     """A measured material, or a mixture of two: of their values or of their logarithms."""
     assert shelf is not None
-    share = coat.blend.clamp(min=0) + (coat.blend < 0) * weights[..., 1]  # (1, p)
+    share = coat.blend.clamp(min=0) + (coat.blend < 0) * weights[:, 1]  # (1, p)
     layers = [_layer(coat, k, tint, shelf) for k in (0, 1)]
     if not bool((share > 0).any()):
         return Skin(scenes, *layers[0])
@@ -145,48 +145,46 @@ def _layer(coat: Coats, k: int, tint: Tensor, shelf: Library) -> tuple[Tensor, R
     return (matt * tint + 0.8 * gloss[:, None]).clamp(0, 0.95), f
 
 
-def _weights(coats: Coats, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p 4"]:
+def _weights(coats: Coats, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b 4 p"]:
     """Share of each palette entry at each point."""
-    pattern = coats.pattern[:, None]
-    one = torch.nn.functional.one_hot
-    weights = p.new_tensor([1.0, 0, 0, 0]).expand(*p.shape[:2], 4)
+    pattern = coats.pattern[:, None, None]
+    weights = p.new_tensor([1.0, 0, 0, 0])[:, None].expand(len(p), PALETTE, p.shape[2])
     if not bool((pattern > 0).any()):
         return weights
-    fields = coats.fields(p)  # (b, p, 4)
+    fields = coats.fields(p)  # (b, 4, p)
+    fields = torch.where(pattern == PATTERNS.index("veins"), _veins(fields), fields)
     sharp = torch.where(pattern == PATTERNS.index("gradient"), 2.5, 60.0)
-    fields = torch.where(pattern[..., None] == PATTERNS.index("veins"), _veins(fields), fields)
-    weights = torch.where(pattern[..., None] > 0, torch.softmax(fields * sharp[..., None], -1), weights)
-    if bool((pattern == PATTERNS.index("cells")).any()):
-        entry = coats.seed_entry.gather(1, _cell(coats, p))
-        weights = torch.where(
-            pattern[..., None] == PATTERNS.index("cells"), one(entry, PALETTE).to(weights.dtype), weights
-        )
+    weights = torch.where(pattern > 0, torch.softmax(fields * sharp, 1), weights)
+    cells = pattern == PATTERNS.index("cells")
+    if bool(cells.any()):
+        entry = coats.seed_entry.gather(1, _cell(coats, p))[:, None]
+        weights = torch.where(cells, (entry == torch.arange(PALETTE, device=p.device)[:, None]).float(), weights)
     return weights
 
 
 def _veins(fields: Tensor) -> Tensor:
     """Entry 1 along thin lines through entry 0: scratches, veins, writing."""
-    line = 0.12 - fields[..., :1].abs()
-    return torch.cat([torch.zeros_like(line), line * 2, torch.full_like(fields[..., 2:], -9.0)], -1)
+    line = 0.12 - fields[:, :1].abs()
+    return torch.cat([torch.zeros_like(line), line * 2, torch.full_like(fields[:, 2:], -9.0)], 1)
 
 
 def _cell(coats: Coats, p: Tensor) -> Tensor:
     """Index of the nearest seed, (b, p)."""
-    return (coats.seeds.square().sum(-1)[:, None] - 2 * p @ coats.seeds.transpose(1, 2)).argmin(-1)
+    return torch.baddbmm(coats.seeds.square().sum(-1, keepdim=True), coats.seeds, p, alpha=-2).argmin(1)
 
 
-def _texture(coats: Coats, p: Tensor, weights: Tensor) -> tuple[Tensor, Tensor]:
+def _texture(coats: Coats, p: Tensor) -> tuple[Tensor, Tensor]:
     """Colour that multiplies the albedo, (b, 3, p), and roughening stains, (b, p)."""
     if bool((coats.contrast > 0).any()):
-        value, hue, stain = coats.texture(p).unbind(-1)  # (b, p)
+        value, hue, stain = coats.texture(p).unbind(1)  # (b, p)
         stain = torch.sigmoid((stain - 0.9) * 9) * coats.contrast[:, 2, None]
         shade = torch.exp(coats.contrast[:, 0, None] * value - 1.2 * stain)[:, None]
         tint = shade * torch.exp((coats.contrast[:, 1, None] * hue)[:, None] * coats.hue[..., None])
     else:
-        tint, stain = p.new_ones(len(p), 3, p.shape[1]), p.new_zeros(p.shape[:2])
+        tint, stain = torch.ones_like(p), p.new_zeros(len(p), p.shape[2])
     cells = (coats.pattern == PATTERNS.index("cells"))[:, None, None]
     if bool(cells.any()):
-        colour = coats.seed_colours.gather(1, _cell(coats, p)[..., None].expand(-1, -1, 3)).transpose(1, 2)
+        colour = coats.seed_colours.transpose(1, 2).gather(2, _cell(coats, p)[:, None].expand(-1, 3, -1))
         tint = torch.where(cells, tint * colour, tint)
     return tint, stain
 

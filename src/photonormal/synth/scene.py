@@ -21,7 +21,7 @@ from photonormal.synth.recipes import Recipe
 from photonormal.synth.sculptor import draw_solids
 from photonormal.synth.shadows import horizon
 from photonormal.synth.shapes import Solids
-from photonormal.synth.trace import Geometry, View, first_seen, visible_surface
+from photonormal.synth.trace import Geometry, View, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
 PATCH, RECEIVER = 2, 4  # pixels between the samples that send and that receive bounced light
@@ -60,27 +60,26 @@ def draw_scenes(recipe: Recipe, g: np.random.Generator, b: int, n: int, shelf: L
     )
 
 
-def look(scenes: Scenes, size: int) -> Geometry:
-    """The visible surface in a window around the object, or around a spot of it."""
-    b, device = len(scenes.zoom), scenes.zoom.device
-    wide = View(torch.zeros(b, 2, device=device), torch.full((b,), 1.7, device=device), 40)
-    seen = first_seen(scenes.solids, wide)  # (b, 40, 40)
-    x, y = (v.view(b, 40, 40) for v in wide.rays(40))
+def frame(scenes: Scenes, size: int) -> tuple[View, Float[Tensor, "b p"]]:
+    """A window around each object, or around a spot of it; and the depth at which its pixels' rays may begin."""
+    wide, z = survey(scenes.solids, len(scenes.zoom), scenes.zoom.device)
+    seen = z > -torch.inf  # (b, c)
+    x, y = wide.rays(wide.size)
 
     def middle(v: Tensor) -> tuple[Tensor, Tensor]:
-        low = torch.where(seen, v, torch.inf).flatten(1).amin(1)
-        high = torch.where(seen, v, -torch.inf).flatten(1).amax(1)
+        low = torch.where(seen, v, torch.inf).amin(1)
+        high = torch.where(seen, v, -torch.inf).amax(1)
         return (low + high) / 2, (high - low) / 2 + wide.pixel / 2
 
     (cx, rx), (cy, ry) = middle(x), middle(y)
     half = torch.nan_to_num(torch.maximum(rx, ry), 1, 1, 1).clamp(0.2, 1.3) * scenes.zoom
-    count = seen.flatten(1).cumsum(1)
+    count = seen.cumsum(1)
     spot = (count > (scenes.focus * count[:, -1])[:, None]).to(torch.int8).argmax(1)[:, None]
     close = scenes.zoom < 1
-    cx = torch.where(close, x.flatten(1).gather(1, spot)[:, 0], cx)
-    cy = torch.where(close, y.flatten(1).gather(1, spot)[:, 0], cy)
-    centre = torch.nan_to_num(torch.stack([cx, cy], -1), 0, 0, 0)
-    return visible_surface(scenes.solids, View(centre, half, size))
+    cx = torch.where(close, x.gather(1, spot)[:, 0], cx)
+    cy = torch.where(close, y.gather(1, spot)[:, 0], cy)
+    view = View(torch.nan_to_num(torch.stack([cx, cy], -1), 0, 0, 0), half, size)
+    return view, approach(scenes.solids, view, z)
 
 
 def windows(geometry: Geometry, recipe: Recipe, generator: torch.Generator) -> tuple[Int[Tensor, "b k"], Tensor]:
@@ -130,15 +129,15 @@ def render(
     else:
         lit = cos_l.clamp(min=0)
     lit = lit * on[:, None]
-    points = at(geometry.points).transpose(1, 2)  # (b, p + q, 3)
-    skins = dress(scenes.coats, points[:, :p], shelf)
+    points = at(geometry.points)  # (b, 3, p + q)
+    skins = dress(scenes.coats, points[..., :p], shelf)
     albedo = skins_albedo(skins, b)  # (b, 3, p)
     lv = (2 + 2 * L[..., 2:]).sqrt()  # |l + v|, (b, n, 1)
     cos_v = N[:, None, 2, :p]
     cos_h = ((cos_l[..., :p] + cos_v) / lv).clamp(max=1)
     out = radiance(skins, cos_l[..., :p], cos_v, cos_h, lv / 2) * lit[:, :, None, :p]
     if reflecting:
-        sender = skins_albedo(dress(scenes.coats, points[:, p:], shelf), b)  # (b, 3, q)
+        sender = skins_albedo(dress(scenes.coats, points[..., p:], shelf), b)  # (b, 3, q)
         arriving = _bounced(scenes, geometry, pixels, N[..., :p], lit[..., p:], sender, seed)
         out += albedo[:, None] * arriving
     out += (scenes.ambient.view(b, 1, 1, 1) * albedo[:, None]) * on[:, None, None, :p]

@@ -123,7 +123,11 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
 def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) -> Detail:
     plain, _, figure, relief, _, turned = (kind == i for i in range(len(KINDS)))
     frequency = np.stack([log_uniform(g, 2.5, 6, b), log_uniform(g, 8, 20, b), log_uniform(g, 30, 70, b)], -1)
-    scale = roughness * np.where(plain, (g.random(b) < 0.15) * 0.3, 1.0) * np.where(g.random(b) < 0.15, 0.0, 1.0)
+    scale = (
+        roughness
+        * np.where(plain, (g.random(b) < 0.15) * 0.3, 1.0)
+        * np.where(g.random(b) < 0.15, 0.0, g.uniform(0.25, 0.9, b))
+    )
     rich = 1 + 0.4 * (figure | relief)
 
     def sometimes(share: float, low: float, high: float) -> np.ndarray:
@@ -135,14 +139,14 @@ def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) 
     fold = log_uniform(g, 8, 26, b)
     direction = unit_vectors(g, (b,)) * [1, 0.5, 0.5]
     return Detail(
-        draw_waves(g, frequency, 10, 1.3),
+        *(draw_waves(g, frequency[:, i : i + 1], 10, 1.3) for i in range(3)),
         tensor(slope / frequency),
         tensor(sometimes(0.22, 0.3, 0.9) * g.choice([-1, 1], b) / frequency[:, 1]),
         tensor(sometimes(0.2, 0.02, 0.06)),
         tensor(g.uniform(0.1, 0.35, b)),
         tensor(sometimes(0.15, 0.03, 0.12)),
         tensor(sometimes(0.2, 0.2, 0.6) / fold),
-        tensor(direction[..., None] * fold[:, None, None]),
+        tensor((direction * fold[:, None])[:, None]),
         tensor(g.random(b)),
-        tensor((g.random(b) < 0.3) * g.random(b)),
+        tensor(scale * (g.random(b) < 0.3)).clamp(max=1),
     )

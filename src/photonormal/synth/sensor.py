@@ -6,15 +6,16 @@ import math
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.synth.params import tensor
+from photonormal.synth.recipes import Recipe
 
 Pictures = Float[Tensor, "c n 3 h w"]
 
 
-def expose(I: Pictures, mask: Bool[Tensor, "c h w"], crops: int, saturated: Float[Tensor, " b"]) -> Pictures:
+def expose(I: Pictures, crops: int, saturated: Float[Tensor, " b"]) -> Pictures:
     """Scale each scene (of `crops` windows each) so that the share `saturated` of its samples exceeds 1."""
     b = len(saturated)
     samples = I.view(b, crops, *I.shape[1:])[:, :, :, 1].flatten(1)  # green
@@ -52,12 +53,12 @@ def turned(L: np.ndarray, g: np.random.Generator, sigma_deg: np.ndarray) -> np.n
     return np.where(wrong[..., 2:] > 0.02, wrong, L)
 
 
-def corrupt(I: Pictures, share: Float[Tensor, " c"], g: np.random.Generator) -> Pictures:
+def corrupt(I: Pictures, share: Float[np.ndarray, " c"], g: np.random.Generator) -> Pictures:
     """In the share of each window's images a half or a patch is dimmed or brightened, or the image is shifted."""
-    if not bool((share > 0).any()):
+    if not (share > 0).any():
         return I
     c, n, _, h, w = I.shape
-    hurt = g.random((c, n)) < share.cpu().numpy()[:, None]
+    hurt = g.random((c, n)) < share[:, None]
     window, image = (torch.from_numpy(i) for i in np.nonzero(hurt))
     k = len(window)
     if k == 0:
@@ -80,3 +81,27 @@ def corrupt(I: Pictures, share: Float[Tensor, " c"], g: np.random.Generator) -> 
     I = I.clone()
     I[window, image] = wrong
     return I
+
+
+def measured(
+    I: Pictures, L: Float[Tensor, "b n 3"], recipe: Recipe, g: np.random.Generator, generator: torch.Generator
+) -> tuple[Pictures, Float[Tensor, "c n 3"]]:
+    """What a camera makes of the windows of `b` scenes, and the lights as somebody measured them."""
+    b, n, _ = L.shape
+    c = len(I) // b  # windows of each scene
+    device = I.device
+
+    def drawn(values: np.ndarray) -> Tensor:
+        return tensor(values.astype(float)).to(device)
+
+    I = expose(I, c, drawn(recipe.saturated * g.random(b) ** 2))
+    if recipe.intensity_error:
+        error = recipe.intensity_error * g.random((b, 1)) * g.normal(size=(b, n))
+        I = I * drawn(1 + error).repeat_interleave(c, 0)[:, :, None, None, None]
+    bits = np.where(g.random(b) < recipe.low_bits, 8.0, 16.0) * (recipe.low_bits > 0)
+    noise = drawn(recipe.noise * g.random(b) ** 2).repeat_interleave(c)
+    I = photograph(I, noise, drawn(bits).repeat_interleave(c), generator)
+    share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.2, b), 0.0)
+    I = corrupt(I, np.repeat(share, c), g)
+    known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
+    return I, drawn(known).repeat_interleave(c, 0)

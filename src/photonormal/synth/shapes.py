@@ -26,20 +26,21 @@ class Ellipsoids:
     e: Float[Tensor, "b k"]
     on: Bool[Tensor, "b k"]
 
-    def distances(self, p: Float[Tensor, "b p 3"], box: bool) -> Float[Tensor, "b p k"]:
+    def distances(self, p: Float[Tensor, "b 3 p"], box: bool) -> Float[Tensor, "b k p"]:
         """(r - 1) times the shortest semi-axis, which never overestimates the distance outside."""
         b, k = self.on.shape
-        M = self.M.reshape(b, 3 * k, 3)
-        shift = (self.M @ self.c[..., None]).reshape(b, 1, 3 * k)
-        s = torch.baddbmm(-shift, p, M.transpose(1, 2)).view(b, -1, k, 3).square()  # (b, p, k, 3)
+        M = self.M.transpose(1, 2).reshape(b, 3 * k, 3)  # the first rows of all parts, then the second, the third
+        shift = (self.M @ self.c[..., None])[..., 0].transpose(1, 2).reshape(b, 3 * k, 1)
+        s = torch.baddbmm(-shift, M, p).square().view(b, 3, k, -1)  # (b, 3, k, p)
         if box:
-            s = torch.where(self.e[:, None, :, None] > 2, s.square(), s)
-            s = torch.where(self.e[:, None, :, None] > 4, s.square(), s)
-            r = (s.sum(-1) + 1e-12) ** (1 / self.e[:, None])
-        else:
-            r = (s.sum(-1) + 1e-12).sqrt()
-        shortest = 1 / self.M.norm(dim=-1).amax(-1)  # (b, k)
-        return torch.where(self.on[:, None], (r - 1) * shortest[:, None], FAR)
+            e = self.e[:, None, :, None]
+            s = torch.where(e > 2, s.square(), s)
+            s = torch.where(e > 4, s.square(), s)
+        r = s[:, 0] + s[:, 1] + s[:, 2] + 1e-12  # (b, k, p)
+        r = r ** (1 / self.e[..., None]) if box else r.sqrt()
+        shortest = 1 / self.M.norm(dim=-1).amax(-1)[..., None]  # (b, k, 1)
+        d = (r - 1) * shortest
+        return d if bool(self.on.all()) else torch.where(self.on[..., None], d, FAR)
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,11 @@ class Lathe:
     wall: Float[Tensor, " b"]  # thickness of a hollow one; solid where 0
     on: Bool[Tensor, " b"]
 
-    def distance(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p"]:
-        x, y, z = (p @ self.R.transpose(1, 2)).unbind(-1)  # (b, p)
+    def distance(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
+        x, y, z = (self.R @ p).unbind(1)  # (b, p)
         profile = self.radius[:, None] + (
-            self.a[:, None] * torch.sin(self.f[:, None] * y[..., None] + self.phase[:, None])
-        ).sum(-1)
+            self.a[..., None] * torch.sin(self.f[..., None] * y[:, None] + self.phase[..., None])
+        ).sum(1)
         flutes = 1 + self.flute_depth[:, None] * torch.cos(self.flutes[:, None] * torch.atan2(z, x + 1e-9))
         profile = profile.clamp(min=0.12) * flutes
         steep = 1 / (1 + (self.a * self.f).square().sum(-1, keepdim=True) / 2).sqrt()
@@ -75,32 +76,40 @@ class Lathe:
 
 @dataclass(frozen=True)
 class Detail:
-    """Displacement of the surface, in units of length; `Waves` are a coarse, a middle and a fine field."""
+    """Displacement of the surface, in units of length, out of a coarse, a middle and a fine random field."""
 
-    waves: Waves
+    coarse: Waves
+    middle: Waves
+    fine: Waves
     noise: Float[Tensor, "b 3"]  # amplitude of each field
     ridge: Float[Tensor, " b"]  # creases where the middle field is zero
     carve: Float[Tensor, " b"]  # grooves along the zero lines of the coarse field
     carve_width: Float[Tensor, " b"]
     pit: Float[Tensor, " b"]
     fold: Float[Tensor, " b"]  # cloth: parallel waves warped by the coarse field
-    fold_w: Float[Tensor, "b 3 1"]
+    fold_w: Float[Tensor, "b 1 3"]
     fold_cusp: Float[Tensor, " b"]  # 0: sine; 1: cusped
     patch: Float[Tensor, " b"]  # 0: everywhere; 1: only where the coarse field is positive
 
-    def __call__(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p"]:
-        g1, g2, g3 = self.waves(p).unbind(-1)  # (b, p)
-
+    def __call__(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
         def per(x: Tensor) -> Tensor:
             return x[:, None]
 
-        relief = per(self.noise[:, 1]) * g2 + per(self.noise[:, 2]) * g3
-        if self.ridge.any():
-            relief = relief + per(self.ridge) * (0.8 - (g2 * g2 + 1e-4).sqrt())
-        if self.pit.any():
-            relief = relief - per(self.pit) * torch.sigmoid((g2 - 1.1) * 8)
+        relief = p.new_zeros(len(p), p.shape[2])
+        if self.noise[:, 1].any() or self.ridge.any() or self.pit.any():
+            g2 = self.middle(p)[:, 0]  # (b, p)
+            relief = per(self.noise[:, 1]) * g2
+            if self.ridge.any():
+                relief = relief + per(self.ridge) * (0.8 - (g2 * g2 + 1e-4).sqrt())
+            if self.pit.any():
+                relief = relief - per(self.pit) * torch.sigmoid((g2 - 1.1) * 8)
+        if self.noise[:, 2].any():
+            relief = relief + per(self.noise[:, 2]) * self.fine(p)[:, 0]
+        if not (self.noise[:, 0].any() or self.fold.any() or self.patch.any() or self.carve.any()):
+            return relief
+        g1 = self.coarse(p)[:, 0]
         if self.fold.any():
-            phase = (p @ self.fold_w)[..., 0] + 1.5 * g1
+            phase = (self.fold_w @ p)[:, 0] + 1.5 * g1
             cusp = 1 - 2 * (torch.sin(phase / 2).square() + 1e-4).sqrt()
             relief = relief + per(self.fold) * (per(self.fold_cusp) * cusp + per(1 - self.fold_cusp) * torch.sin(phase))
         if self.patch.any():
@@ -111,7 +120,7 @@ class Detail:
 
     def bound(self) -> Float[Tensor, " b"]:
         """About the largest displacement outwards."""
-        return 2.2 * self.noise.sum(-1) + 0.8 * self.ridge.abs() + self.fold + self.carve.clamp(max=0).abs()
+        return 3.2 * self.noise.norm(dim=-1) + 0.8 * self.ridge.abs() + self.fold + self.carve.clamp(max=0).abs()
 
     def any(self) -> bool:
         """Whether there is anything to add."""
@@ -143,30 +152,35 @@ class Solids:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return Solids(**{**values, "parts": used(self.parts), "holes": used(self.holes)})
 
-    def base(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p"]:
+    def base(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
         """Distance without the displacement."""
         if self.twist.any():
-            angle = self.twist[:, None] * p[..., 1]
+            x, y, z = p.unbind(1)
+            angle = self.twist[:, None] * y
             c, s = angle.cos(), angle.sin()
-            p = torch.stack([c * p[..., 0] + s * p[..., 2], p[..., 1], c * p[..., 2] - s * p[..., 0]], -1)
-        d = self.parts.distances(p, bool((self.parts.e > 2).any()))  # (b, p, k)
+            p = torch.stack([c * x + s * z, y, c * z - s * x], 1)
+        d = self.parts.distances(p, bool((self.parts.e > 2).any()))  # (b, k, p)
         if self.lathe.on.any():
-            lathe = torch.where(self.lathe.on[:, None], self.lathe.distance(p), FAR)
-            d = torch.cat([d, lathe[..., None]], -1)
+            lathe = self.lathe.distance(p)
+            lathe = lathe if bool(self.lathe.on.all()) else torch.where(self.lathe.on[:, None], lathe, FAR)
+            d = torch.cat([d, lathe[:, None]], 1)
         if (self.wall_o > -FAR).any():
-            wall = torch.einsum("bpi,bi->bp", p, self.wall_n) - self.wall_o[:, None]
-            d = torch.cat([d, wall[..., None]], -1)
+            d = torch.cat([d, torch.baddbmm(-self.wall_o[:, None, None], self.wall_n[:, None], p)], 1)
         k = self.blend[:, None]
-        d = -k * torch.logsumexp(-d / k[..., None], -1) if d.shape[-1] > 1 else d[..., 0]
+        if d.shape[1] > 1:
+            nearest = d.amin(1)
+            d = nearest - k * torch.exp((nearest[:, None] - d) / k[:, None]).sum(1).log()  # smooth minimum
+        else:
+            d = d[:, 0]
         if self.holes.on.any():
-            hole = self.holes.distances(p, False).amin(-1)
+            hole = self.holes.distances(p, False).amin(1)
             d = smooth_max(d, -hole, k)
         if (self.cut_o < FAR).any():
-            cut = (p @ self.cut_n.transpose(1, 2) - self.cut_o[:, None]).amax(-1)
+            cut = torch.baddbmm(-self.cut_o[..., None], self.cut_n, p).amax(1)
             d = smooth_max(d, cut, 0.008)
         return d
 
-    def __call__(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p"]:
+    def __call__(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
         """About the signed distance to the displaced surface."""
         d = self.base(p)
         return d - self.detail(p) if self.detail.any() else d

@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.synth.library import data_folder, library
+from photonormal.synth.library import Library, data_folder, library
 from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Recipe, recipe
-from photonormal.synth.scene import draw_scenes, look, render, windows
-from photonormal.synth.sensor import corrupt, expose, photograph, turned
+from photonormal.synth.scene import Scenes, draw_scenes, frame, render, windows
+from photonormal.synth.trace import View, visible_surface
+from photonormal.synth.sensor import measured
 from photonormal.types import InputError
 
-GROUP, GROUPS = 16, 8  # scenes drawn together; how often in vain before giving up
+T = TypeVar("T")
+
+GROUP = {"cpu": 8, "cuda": 64}  # scenes drawn and framed together: fits a cache, fills a GPU
+GROUPS = 8  # how often in vain before giving up
 ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time
 PURPOSES = {"block": 0, "group": 1, "batch": 2}  # so that random numbers of different kinds never meet
 
@@ -78,19 +85,21 @@ def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, sample
     """`samples` windows of the `k`-th block of scenes."""
     n = lights_of(recipe, seed, k)
     parts: list[Batch] = []
-    count = group = 0
-    while count < samples:
-        for part in render_group(recipe, seed, k, group, n, device):
-            parts.append(part)
-            count += len(part.mask)
-            if count >= samples:
-                break
-        group += 1
-        if group > GROUPS and not parts:
-            raise InputError(
-                f"{GROUP * group} scenes came without a window of {recipe.crop} pixels that is {recipe.coverage:.0%} "
-                "covered; lower coverage or crop."
-            )
+    missing, count = samples, 0  # windows to render, groups so far
+    size = GROUP.get(device.type, 64)
+    with workers(device) as work:
+        while missing > 0:
+            scenes = -(-missing // recipe.crops)
+            sizes = [min(size, scenes - first) for first in range(0, scenes, size)]
+            tasks = [partial(render_group, recipe, (seed, k, count + i), b, n, device) for i, b in enumerate(sizes)]
+            parts += (new := [part for group in work(tasks) for part in group])
+            missing -= sum(len(part.mask) for part in new)
+            count += len(tasks)
+            if count > GROUPS and missing == samples:
+                raise InputError(
+                    f"no window of {recipe.crop} pixels in {count} groups of scenes is {recipe.coverage:.0%} covered; "
+                    "lower coverage or crop."
+                )
     return Batch(
         *(torch.cat([getattr(p, f) for p in parts])[:samples] for f in ("images", "lights", "normals", "mask"))
     )
@@ -103,52 +112,49 @@ def lights_of(recipe: Recipe, seed: int, k: int) -> int:
     return min(high, int(np.floor(low * ((high + 1) / low) ** u)))
 
 
-def render_group(recipe: Recipe, seed: int, k: int, group: int, n: int, device: torch.device) -> Iterator[Batch]:
-    """The windows of some scenes, a few scenes at a time; scenes without enough of an object are left out."""
-    g = rng(seed, PURPOSES["group"], k, group)
-    folder = data_folder(recipe.data)
-    shelf = library(folder, recipe.split)
-    scenes = draw_scenes(recipe, g, GROUP, n, shelf)
-    c, w, s = recipe.crops, recipe.crop, recipe.size
-    per = max(1, ELEMENTS.get(device.type, 2**27) // (n * c * w * w))
+@contextmanager
+def workers(device: torch.device) -> Iterator[Callable[[list[Callable[[], T]]], Iterable[T]]]:
+    """Runs tasks: one after the other on a GPU; on as many threads as torch uses, each on one core, on the processor."""
+    n = torch.get_num_threads()
+    if device.type != "cpu" or n == 1:
+        yield lambda tasks: (task() for task in tasks)
+        return
+    with ThreadPoolExecutor(n, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        try:
+            yield lambda tasks: pool.map(lambda task: task(), tasks)
+        finally:
+            torch.set_num_threads(n)  # a worker's setting reaches MKL, which all threads share
+
+
+def render_group(recipe: Recipe, key: tuple[int, int, int], b: int, n: int, device: torch.device) -> list[Batch]:
+    """The windows of `b` scenes, a few scenes at a time; scenes without enough of an object are left out."""
+    g = rng(key[0], PURPOSES["group"], *key[1:])
+    shelf = library(data_folder(recipe.data), recipe.split)
+    scenes = to_device(draw_scenes(recipe, g, b, n, shelf), device)
+    view, start = frame(scenes, recipe.size)
+    per = max(1, ELEMENTS.get(device.type, 2**27) // (n * recipe.crops * recipe.crop**2))
+    some = [slice(first, first + per) for first in range(0, b, per)]
+    return [render_windows(take(scenes, i), take(view, i), start[i], recipe, shelf, g) for i in some]
+
+
+def render_windows(
+    scenes: Scenes, view: View, start: Tensor, recipe: Recipe, shelf: Library | None, g: np.random.Generator
+) -> Batch:
+    """The windows of some scenes, as the camera measures them."""
+    device, c, w, s = start.device, recipe.crops, recipe.crop, recipe.size
+    seed = int(g.integers(2**62))
+    geometry = visible_surface(scenes.solids, view, start)
+    corner, enough = windows(geometry, recipe, torch.Generator().manual_seed(seed))
+    scenes, geometry, corner = take(scenes, enough), take(geometry, enough), corner[enough]
+    b, n, _ = scenes.lights.shape
+    if b == 0:
+        none = torch.zeros(0, n, 3, w, w, device=device)
+        return Batch(none, scenes.lights, none[:, 0], torch.zeros(0, 1, w, w, dtype=torch.bool, device=device))
     offsets = (torch.arange(w)[:, None] * s + torch.arange(w)).flatten().to(device)
-    for first in range(0, GROUP, per):
-        some = to_device(take(scenes, slice(first, first + per)), device)
-        noise_seed = int(g.integers(2**62))
-        generator = torch.Generator(device).manual_seed(noise_seed)
-        geometry = look(some, s)
-        corner, enough = windows(geometry, recipe, torch.Generator().manual_seed(noise_seed))
-        if not bool(enough.any()):
-            continue
-        if not bool(enough.all()):
-            some, geometry, corner = take(some, enough), take(geometry, enough), corner[enough]
-        b = len(corner)
-        pixels = (corner[..., None] + offsets).flatten(1)  # (b, k w w)
-        I = render(some, geometry, pixels, recipe, shelf, noise_seed)  # (b, n, 3, k w w)
-        I = I.view(b, n, 3, c, w, w).movedim(3, 1).flatten(0, 1)  # (b k, n, 3, w, w)
-        N = at_points(geometry.normals, pixels).view(b, 3, c, w, w).transpose(1, 2).flatten(0, 1)
-        mask = at_points(geometry.mask[:, None], pixels).view(b, 1, c, w, w).transpose(1, 2).flatten(0, 1)
-        L = some.lights
-        yield _measured(recipe, I, L, N, mask, c, g, generator)
-
-
-def _measured(recipe: Recipe, I: Tensor, L: Tensor, N: Tensor, mask: Tensor, c: int, g: np.random.Generator, generator):
-    """What a camera and imperfectly known lights make of the windows (c of each scene)."""
-    b, n, _ = L.shape
-    device = I.device
-
-    def drawn(values: np.ndarray) -> Tensor:
-        return torch.from_numpy(values.astype(np.float32)).to(device).repeat_interleave(c)
-
-    I = expose(I, mask[:, 0], c, torch.from_numpy(recipe.saturated * g.random(b) ** 2).float().to(device))
-    error = recipe.intensity_error * g.random((b, 1)) * g.normal(size=(b, n))
-    if recipe.intensity_error:
-        I = I * torch.from_numpy(1 + error).float().to(device).repeat_interleave(c, 0)[:, :, None, None, None]
-    bits = np.where(g.random(b) < recipe.low_bits, 8.0, 16.0) * (recipe.low_bits > 0)
-    I = photograph(I, drawn(recipe.noise * g.random(b) ** 2), drawn(bits), generator)
-    share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.2, b), 0.0)
-    I = corrupt(I, drawn(share), g)
-    I = I * mask[:, None]
-    known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
-    known = torch.from_numpy(known).float().to(device).repeat_interleave(c, 0)
-    return Batch(I, known, N, mask)
+    pixels = (corner[..., None] + offsets).flatten(1)  # (b, c w w)
+    I = render(scenes, geometry, pixels, recipe, shelf, seed)  # (b, n, 3, c w w)
+    I = I.view(b, n, 3, c, w, w).movedim(3, 1).flatten(0, 1)  # (b c, n, 3, w, w)
+    N = at_points(geometry.normals, pixels).view(b, 3, c, w, w).transpose(1, 2).flatten(0, 1)
+    mask = at_points(geometry.mask[:, None], pixels).view(b, 1, c, w, w).transpose(1, 2).flatten(0, 1)
+    I, L = measured(I * mask[:, None], scenes.lights, recipe, g, torch.Generator(device).manual_seed(seed))
+    return Batch(I * mask[:, None], L, N, mask)

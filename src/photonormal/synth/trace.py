@@ -12,9 +12,10 @@ from torch import Tensor
 from photonormal.synth.bust import Bust
 from photonormal.synth.shapes import Solids
 
-Field = Callable[[Tensor], Tensor]  # (b, p, 3) -> (b, p)
+Field = Callable[[Tensor], Tensor]  # (b, 3, p) -> (b, p)
 
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
+WIDE, CELLS = 1.7, 32  # half width and resolution of the survey that finds where a solid is
 COARSE = 4  # pixels along a side of the blocks that share the first part of their way
 
 
@@ -49,66 +50,93 @@ class Geometry:
     points: Float[Tensor, "b 3 s s"]  # in the solid's own units, for textures
 
 
-def visible_surface(solids: Solids | Bust, view: View) -> Geometry:
-    """March to the surface: blocks of pixels first, then each pixel, then false position on the bracketed root."""
+def survey(solids: Solids | Bust, b: int, device: torch.device) -> tuple[View, Float[Tensor, "b c"]]:
+    """A coarse, wide view of whole solids: depths above which there is nothing, -inf where there is nothing at all."""
+    view = View(torch.zeros(b, 2, device=device), torch.full((b,), WIDE, device=device), CELLS)
+    solids = solids.trimmed()
+    x, y = view.rays(CELLS)
+    px = view.pixel[:, None]
+    return view, _approach(solids.base, x, y, 0.71 * px + solids.detail.bound()[:, None], 0.7 * px, REACH)
+
+
+def approach(solids: Solids | Bust, view: View, start: Float[Tensor, "b c"]) -> Float[Tensor, "b p"]:
+    """Depth at which each pixel's ray may begin, from a survey's answer: blocks of pixels share their way there."""
     solids = solids.trimmed()
     s, px = view.size, view.pixel[:, None]
     x, y = view.rays(s // COARSE)
-    width = px * COARSE * 0.75  # (b, 1) half diagonal of a block
-    spread = width + solids.detail.bound()[:, None]
-    z = _approach(solids.base, x, y, spread, 0.5 * px * COARSE)  # (b, blocks)
-    z = _nearest(z.view(-1, s // COARSE, s // COARSE)).flatten(1)
+    width = px * COARSE * 0.71  # (b, 1) half diagonal of a block
+    z = _surveyed(start, x, y, width)
+    z = _approach(solids.base, x, y, width + solids.detail.bound()[:, None], width, z)  # (b, blocks)
+    z = z.view(-1, s // COARSE, s // COARSE)
+    return z.repeat_interleave(COARSE, 1).repeat_interleave(COARSE, 2).flatten(1)
+
+
+def visible_surface(solids: Solids | Bust, view: View, start: Float[Tensor, "b p"]) -> Geometry:
+    """March each ray from where `approach` lets it begin to the surface, then false position on the bracketed root."""
+    solids = solids.trimmed()
+    s, px = view.size, view.pixel[:, None]
     x, y = view.rays(s)
-    z, hit = _cross(solids, x, y, z, 0.3 * px)
-    p = torch.stack([x, y, z], -1)  # (b, p, 3)
+    z, hit = _cross(solids, x, y, start, 0.4 * px)
+    p = torch.stack([x, y, z], 1)  # (b, 3, p)
     n = gradient(solids, p)
-    n = n / n.norm(dim=-1, keepdim=True).clamp(min=1e-12)
-    mask = hit & (n[..., 2] > 0.01)
+    n = n / n.norm(dim=1, keepdim=True).clamp(min=1e-12)
+    mask = hit & (n[:, 2] > 0.01)
 
     def image(values: Tensor) -> Tensor:
-        return torch.where(mask[..., None], values, 0.0).transpose(1, 2).reshape(-1, 3, s, s)
+        return torch.where(mask[:, None], values, 0.0).view(-1, 3, s, s)
 
-    height = torch.where(mask, z / px, torch.zeros_like(z)).view(-1, s, s)
+    height = torch.where(mask, z / px, 0.0).view(-1, s, s)
     return Geometry(height, image(n), mask.view(-1, s, s), image(p))
 
 
-def first_seen(solids: Solids | Bust, view: View) -> Bool[Tensor, "b s s"]:
-    """Where a coarse view meets the solids, to within a pixel."""
-    solids = solids.trimmed()
-    x, y = view.rays(view.size)
-    px = view.pixel[:, None]
-    z = _approach(solids.base, x, y, 0.5 * px + solids.detail.bound()[:, None], 0.5 * px)
-    return (z > -torch.inf).view(-1, view.size, view.size)
-
-
-def gradient(f: Field, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p 3"]:
+def gradient(f: Field, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b 3 p"]:
     """Exact gradient of an implicit function."""
     with torch.enable_grad():
         p = p.detach().requires_grad_()
         return torch.autograd.grad(f(p).sum(), p)[0]
 
 
-def _approach(base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tensor, steps: int = 40) -> Tensor:
-    """Depth down to which no ray of a block has met a surface; -inf where there is none at all."""
-    z = torch.full_like(x, REACH)
+def _surveyed(start: Float[Tensor, "b c"], x: Tensor, y: Tensor, width: Tensor) -> Tensor:
+    """Where the survey lets blocks of half diagonal `width` begin: at the highest of the cells that they touch."""
+    z = torch.full_like(x, -torch.inf)
+    for i in (-1, 1):
+        for j in (-1, 1):
+            column = ((x + i * width) / WIDE + 1) * (CELLS / 2)
+            row = (1 - (y + j * width) / WIDE) * (CELLS / 2)
+            cell = row.clamp(0, CELLS - 1).long() * CELLS + column.clamp(0, CELLS - 1).long()
+            z = torch.maximum(z, start.gather(1, cell))
+    return z
+
+
+def _approach(
+    base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tensor, z: Tensor | float, rounds: int = 8
+) -> Float[Tensor, "b p"]:
+    """Depth down to which no ray within `spread` of (x, y) has met a surface; -inf where there is none at all."""
+    z = torch.full_like(x, z) if isinstance(z, float) else z
     found = torch.zeros_like(x, dtype=torch.bool)
-    for _ in range(steps):
-        d = base(torch.stack([x, y, z], -1)) - spread
-        found |= d <= 0
-        if bool((found | (z < -REACH)).all()):
+    active = z > -REACH
+    for _ in range(rounds):  # rays that have arrived are dropped between rounds
+        if not bool(active.any()):
             break
-        z = torch.where(found, z, z - torch.maximum(d, shortest))
-    return torch.where(z < -REACH, -torch.inf, z + shortest)
-
-
-def _nearest(z: Float[Tensor, "b c c"], factor: int = COARSE) -> Float[Tensor, "b s s"]:
-    return z.repeat_interleave(factor, 1).repeat_interleave(factor, 2)
+        i = _indices(active)
+        xi, yi, zi, near = x.gather(1, i), y.gather(1, i), z.gather(1, i), found.gather(1, i)
+        for _ in range(5):
+            d = base(torch.stack([xi, yi, zi.clamp(min=-REACH)], 1)) - spread
+            near = near | ((d <= 0) & (zi > -REACH))
+            zi = torch.where(near, zi, zi - torch.maximum(d, shortest))
+        z, found = z.scatter(1, i, zi), found.scatter(1, i, near)
+        active = (z > -REACH) & ~found
+    return torch.where(found, z + shortest, -torch.inf)
 
 
 def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple[Tensor, Tensor]:
-    """First crossing from outside to inside along -z from `z`: its depth, and whether there is one."""
+    """First crossing from outside to inside along -z from `z`: its depth, and whether there is one.
+
+    A step is the distance, or somewhat longer where that shrinks more slowly than the ray advances; a step too far ends
+    inside the solid, and the root lies between its ends.
+    """
     high, low = z.clone(), torch.full_like(z, torch.nan)  # the last point outside, the first inside
-    d_high, d_low = torch.full_like(z, 1e9), torch.zeros_like(z)
+    d_high, d_low = torch.full_like(z, torch.inf), torch.zeros_like(z)
     active = z > -torch.inf
     for round in range(6):  # rays that have arrived are dropped between rounds
         if not bool(active.any()):
@@ -117,13 +145,15 @@ def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple
         xi, yi, zi, hi, lo, di_high, di_low, going = (
             v.gather(1, i) for v in (x, y, z, high, low, d_high, d_low, active)
         )
-        for _ in range(4 + 2 * round):
-            d = f(torch.stack([xi, yi, zi], -1))
+        for _ in range(3 + 2 * round):
+            d = f(torch.stack([xi, yi, zi], 1))
             inside = going & (d < 0)
             lo, di_low = torch.where(inside, zi, lo), torch.where(inside, d, di_low)
             going = going & ~inside & (zi > -REACH)
+            rate = (di_high - d) / (hi - zi).clamp(min=1e-6)  # inf before the second step
+            step = torch.minimum(d / rate.clamp(min=0.25, max=1.0), d + 4 * shortest).maximum(shortest)
             hi, di_high = torch.where(going, zi, hi), torch.where(going, d, di_high)
-            zi = torch.where(going, zi - torch.maximum(0.9 * d, shortest), zi)
+            zi = torch.where(going, zi - step, zi)
         z, high, low = z.scatter(1, i, zi), high.scatter(1, i, hi), low.scatter(1, i, lo)
         d_high, d_low = d_high.scatter(1, i, di_high), d_low.scatter(1, i, di_low)
         active = torch.zeros_like(active).scatter(1, i, going)
@@ -143,13 +173,13 @@ def _indices(chosen: Bool[Tensor, "b p"]) -> Tensor:
 
 
 def _false_position(f: Field, x: Tensor, y: Tensor, hi: Tensor, lo: Tensor, d_hi: Tensor, d_lo: Tensor) -> Tensor:
-    """Illinois variant of regula falsi between `hi` (outside) and `lo` (inside); bracket never lost."""
+    """Illinois variant of regula falsi between `hi` (outside) and `lo` (inside); the bracket is never lost."""
     hi, lo = torch.nan_to_num(hi), torch.nan_to_num(lo)
     z = lo
     for _ in range(3):
         t = (d_hi / (d_hi - d_lo).clamp(min=1e-9)).clamp(0.02, 0.98)
         z = hi + t * (lo - hi)
-        d = f(torch.stack([x, y, z], -1))
+        d = f(torch.stack([x, y, z], 1))
         inside = d < 0
         hi, lo = torch.where(inside, hi, z), torch.where(inside, z, lo)
         d_hi, d_lo = torch.where(inside, d_hi * 0.5, d), torch.where(inside, d, d_lo * 0.5)

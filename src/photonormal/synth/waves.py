@@ -16,14 +16,14 @@ from photonormal.synth.params import log_uniform, tensor, unit_vectors
 class Waves:
     """`k` fields of `m` waves each for `b` scenes: f(p) = sum_m a_m sin(w_m . p + phase_m), of variance one."""
 
-    w: Float[Tensor, "b 3 km"]  # radians per unit of length
-    phase: Float[Tensor, "b 1 km"]
+    w: Float[Tensor, "b km 3"]  # radians per unit of length
+    phase: Float[Tensor, "b km 1"]
     a: Float[Tensor, "b k m"]
 
-    def __call__(self, p: Float[Tensor, "b p 3"]) -> Float[Tensor, "b p k"]:
+    def __call__(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b k p"]:
         b, k, m = self.a.shape
-        s = torch.baddbmm(self.phase, p, self.w).sin()  # (b, p, k m)
-        return (s.view(b, -1, k, m) * self.a[:, None]).sum(-1)
+        s = torch.baddbmm(self.phase, self.w, p).sin()  # (b, k m, p)
+        return torch.einsum("bkmp,bkm->bkp", s.view(b, k, m, -1), self.a)
 
 
 def draw_waves(g: np.random.Generator, frequency: np.ndarray, waves: int, octaves: float = 1.0) -> Waves:
@@ -34,7 +34,7 @@ def draw_waves(g: np.random.Generator, frequency: np.ndarray, waves: int, octave
     a *= np.sqrt(2 / (a**2).sum(-1, keepdims=True))
     w = unit_vectors(g, (b, k, waves)) * f[..., None]  # (b, k, m, 3)
     return Waves(
-        tensor(w.reshape(b, k * waves, 3).transpose(0, 2, 1).copy()),
-        tensor(g.uniform(0, 2 * np.pi, (b, 1, k * waves))),
+        tensor(w.reshape(b, k * waves, 3)),
+        tensor(g.uniform(0, 2 * np.pi, (b, k * waves, 1))),
         tensor(a),
     )

@@ -23,9 +23,9 @@ from photonormal.synth.pathtraced.meshes import Mesh, polygonise
 from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
 from photonormal.synth.pathtraced.tracer import Camera
 from photonormal.synth.recipes import Recipe, recipe
-from photonormal.synth.scene import EMPTY, Scenes, draw_scenes, look, render
+from photonormal.synth.scene import EMPTY, Scenes, draw_scenes, frame, render
 from photonormal.synth.shadows import horizon
-from photonormal.synth.trace import Geometry, gradient
+from photonormal.synth.trace import Geometry, gradient, visible_surface
 
 KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned")  # of the drawn shapes
 REACH = 1.7  # half side of the cube that holds a drawn solid
@@ -104,7 +104,7 @@ def compare(
     n: int = 8,
     size: int = 128,
     samples: int = 64,
-    cells: int = 224,
+    cells: int = 256,
     name: str | None = None,
 ) -> Compared:
     """Render one scene with both.
@@ -125,8 +125,10 @@ def compare(
     if isinstance(kind, Mesh):
         camera, mesh = Camera(half=1.1, size=size), kind
     else:
-        geometry = look(scenes, size)
-        camera, mesh = camera_of(geometry), solid(scenes.solids, cells)
+        view, start = frame(scenes, size)
+        geometry = visible_surface(scenes.solids, view, start)
+        (x, y), half = view.centre[0].tolist(), float(view.half)
+        camera, mesh = Camera(x, y, half, size), solid(scenes.solids, cells)
     scene = tracer.build([dressed(mesh, scenes.coats, material).shape(stock or bsdf("principled", material))], camera)
     seen = tracer.look(scene, camera)
     if isinstance(kind, Mesh):
@@ -164,31 +166,31 @@ def solid(field: Any, cells: int) -> Mesh:
     """All of an implicit solid (a batch of one) as triangles, with its exact normals at their corners."""
     field = field.trimmed()
 
+    def apart(f: Any, p: Tensor) -> Tensor:
+        return torch.cat([f(part.T[None])[0] for part in p.split(2**17)], -1)
+
     def values(p: np.ndarray) -> np.ndarray:
-        parts = torch.from_numpy(np.ascontiguousarray(p, np.float32)).split(2**17)
-        return torch.cat([field(part[None])[0] for part in parts]).numpy()
+        return apart(field, torch.from_numpy(np.ascontiguousarray(p, np.float32))).numpy()
 
     mesh = polygonise(values, REACH, cells)
     p = torch.from_numpy(mesh.vertices.astype(np.float32))
-    inner = p.abs().amax(-1) < REACH * (1 - 2 / cells)  # not where the cube cuts the solid
+    step = float(np.linalg.norm(np.diff(mesh.vertices[mesh.faces[:1, :2]][0], axis=0)))
+    inner = p.abs().amax(-1) < REACH * 0.97  # not where the cube cuts the solid
     for _ in range(2):  # onto the surface
-        g = torch.cat([gradient(field, part[None])[0] for part in p.split(2**17)])
-        d = torch.cat([field(part[None])[0] for part in p.split(2**17)])
-        step = d / g.square().sum(-1).clamp(min=0.05)
-        step = step.clamp(-REACH / cells, REACH / cells) * inner
-        p = p - step[:, None] * g
-    g = torch.cat([gradient(field, part[None])[0] for part in p.split(2**17)])
+        g = apart(lambda q: gradient(field, q), p).T  # (v, 3)
+        d = apart(field, p) / g.square().sum(-1).clamp(min=0.05)
+        p = p - (d.clamp(-step, step) * inner)[:, None] * g
+    g = apart(lambda q: gradient(field, q), p).T
     normals = (g / g.norm(dim=-1, keepdim=True).clamp(min=1e-9)).double().numpy()
     moved = Mesh(p.double().numpy(), mesh.faces)
-    normals = np.where(inner.numpy()[:, None], normals, moved.smooth_normals())
-    return replace(moved, normals=normals)
+    return replace(moved, normals=np.where(inner.numpy()[:, None], normals, moved.smooth_normals()))
 
 
 def dressed(mesh: Mesh, coats: Coats, material: np.ndarray | None) -> Mesh:
     """The mesh with the drawn principled parameters at its vertices, where the material isn't one for all."""
     if material is not None:
         return mesh
-    values: Tensor = dress(coats, tensor(mesh.vertices)[None], None)[0].f.values[0, 0]  # type: ignore[attr-defined]
+    values: Tensor = dress(coats, tensor(mesh.vertices.T.copy())[None], None)[0].f.values[0, 0]  # type: ignore[attr-defined]
     table = np.zeros((len(mesh.vertices), 12))
     table[:, :11] = values.T.numpy()
     return replace(mesh, attributes={a: table[:, 3 * i : 3 * i + 3] for i, a in enumerate(ATTRIBUTES)})
@@ -203,16 +205,6 @@ def plain_coats(coats: Coats, material: np.ndarray) -> Coats:
         pattern=torch.zeros_like(coats.pattern),
         contrast=torch.zeros_like(coats.contrast),
     )
-
-
-def camera_of(geometry: Geometry) -> Camera:
-    """The window of a batch of one, from the points that it shows."""
-    s = geometry.mask.shape[-1]
-    on = geometry.mask[0]
-    row, column = (v.double() + 0.5 - s / 2 for v in on.nonzero().unbind(1))
-    x, y = (geometry.points[0, i][on].double() for i in (0, 1))
-    pixel = float((x * (column - column.mean())).sum() / (column - column.mean()).square().sum())
-    return Camera(float((x - pixel * column).mean()), float((y + pixel * row).mean()), pixel * s / 2, s)
 
 
 def geometry_of(seen: tracer.Seen, camera: Camera) -> Geometry:

@@ -14,7 +14,7 @@ from photonormal.synth.pathtraced.variant import mitsuba
 from photonormal.types import InputError
 
 Values = Callable[[np.ndarray], np.ndarray]  # points (p, 3) -> values (p,), negative inside
-STRIDE = 4  # grid steps between the points that decide where the grid is looked at closely
+COARSE, STRIDE = 48, 4  # points a side of the first grid; steps of the last one between points of the second
 
 
 @dataclass(frozen=True)
@@ -114,37 +114,42 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def polygonise(f: Values, reach: float, n: int) -> Mesh:
-    """The surface f = 0 inside the cube |x|, |y|, |z| <= reach, by a grid of n cells a side (naive surface nets).
+    """The surface f = 0 inside the cube |x|, |y|, |z| <= reach, on a grid of n cells along its longest side.
 
-    Each cell that the surface crosses has one vertex, the mean of where its edges are crossed. `f` is about a distance:
-    the grid is only looked at closely where a coarse one is nearer to the surface than its own diagonal.
+    `f` is about a distance: a coarse grid finds the box that holds the surface, and the parts of the fine grid that are
+    near enough to it to be looked at. The cube closes what it cuts.
     """
-    n = -(-n // STRIDE) * STRIDE
-    axis = np.linspace(-reach, reach, n + 1).astype(np.float32)
-    h = float(axis[1] - axis[0])
-    coarse = axis[::STRIDE]
-    F = f(np.stack(np.meshgrid(coarse, coarse, coarse, indexing="ij"), -1).reshape(-1, 3)).reshape((len(coarse),) * 3)
-    near = np.abs(F) < 1.8 * STRIDE * h
-    index = np.minimum((np.arange(n + 1) + STRIDE // 2) // STRIDE, len(coarse) - 1)
-    values = F[np.ix_(index, index, index)].astype(np.float32)
-    close = near[np.ix_(index, index, index)]
-    i, j, k = np.nonzero(close)
-    values[i, j, k] = f(np.stack([axis[i], axis[j], axis[k]], -1))
-    for side in range(3):  # closed where the cube cuts it
+    axis = np.linspace(-reach, reach, COARSE)
+    F, h = _values(f, [axis] * 3), axis[1] - axis[0]
+    low, high = (np.stack([i.min() if k == 0 else i.max() for i in np.nonzero(h * 1.2 > F)]) for k in (0, 1))
+    low, high = axis[np.maximum(low - 1, 0)], axis[np.minimum(high + 1, COARSE - 1)]
+    h = float((high - low).max() / n)
+    cells = -(-((high - low) / h).round().astype(int) // STRIDE) * STRIDE
+    axes = [low[i] + h * np.arange(cells[i] + 1) for i in range(3)]
+    F = _values(f, [a[::STRIDE] for a in axes])
+    index = [np.minimum((np.arange(len(a)) + STRIDE // 2) // STRIDE, F.shape[i] - 1) for i, a in enumerate(axes)]
+    values = F[np.ix_(*index)]
+    i, j, k = np.nonzero((np.abs(F) < 1.2 * STRIDE * h)[np.ix_(*index)])
+    values[i, j, k] = f(np.stack([axes[0][i], axes[1][j], axes[2][k]], -1))
+    for side in range(3):
         edge = np.moveaxis(values, side, 0)
         edge[0], edge[-1] = np.maximum(edge[0], 1e-4), np.maximum(edge[-1], 1e-4)
-    return _nets(values, axis, h)
+    return _nets(values, low, h)
 
 
-def _nets(values: np.ndarray, axis: np.ndarray, h: float) -> Mesh:
-    """Surface nets of values on a grid."""
+def _values(f: Values, axes: list[np.ndarray]) -> np.ndarray:
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), -1)
+    return f(points.reshape(-1, 3)).reshape(points.shape[:3]).astype(np.float32)
+
+
+def _nets(values: np.ndarray, low: np.ndarray, h: float) -> Mesh:
+    """Naive surface nets: each cell that the surface crosses has one vertex, the mean of where its edges are crossed."""
     inside = values < 0
-    n = len(axis) - 1
-    total, count = np.zeros((n, n, n, 3), np.float32), np.zeros((n, n, n), np.int32)
-    quads = []
+    shape = tuple(n - 1 for n in values.shape)
+    quads, points = [], []
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3
-        v, s = np.moveaxis(values, (a, b, c), (0, 1, 2)), np.moveaxis(inside, (a, b, c), (0, 1, 2))
+        v, s = (np.moveaxis(x, (a, b, c), (0, 1, 2)) for x in (values, inside))
         i, j, k = np.nonzero(s[:-1] != s[1:])  # edges along a that the surface crosses
         v0, v1 = v[i, j, k], v[i + 1, j, k]
         at = np.zeros((len(i), 3), np.float32)  # in grid steps
@@ -152,15 +157,15 @@ def _nets(values: np.ndarray, axis: np.ndarray, h: float) -> Mesh:
         corners = []
         for dj, dk in ((-1, -1), (0, -1), (0, 0), (-1, 0)):  # the four cells around the edge
             cell = np.zeros((len(i), 3), np.int64)
-            cell[:, a], cell[:, b], cell[:, c] = i, (j + dj).clip(0, n - 1), (k + dk).clip(0, n - 1)
-            flat = np.ravel_multi_index(tuple(cell.T), (n, n, n))
-            np.add.at(total.reshape(-1, 3), flat, at)
-            np.add.at(count.reshape(-1), flat, 1)
-            corners.append(flat)
+            cell[:, a], cell[:, b], cell[:, c] = i, (j + dj).clip(0), (k + dk).clip(0)
+            corners.append(np.ravel_multi_index(tuple(cell.T), shape, mode="clip"))
         quad = np.stack(corners, 1)
         quads.append(np.where(s[:-1][i, j, k][:, None], quad, quad[:, ::-1]))
+        points.append(np.repeat(at[:, None], 4, 1))
     quad = np.concatenate(quads)
     used, inverse = np.unique(quad, return_inverse=True)
     quad = inverse.reshape(quad.shape)
-    vertices = axis[0] + h * total.reshape(-1, 3)[used] / count.reshape(-1)[used, None]
-    return Mesh(vertices.astype(np.float64), np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]))
+    point = np.concatenate(points).reshape(-1, 3)
+    total = np.stack([np.bincount(inverse.ravel(), point[:, i], len(used)) for i in range(3)], 1)
+    vertices = low + h * total / np.bincount(inverse.ravel(), minlength=len(used))[:, None]
+    return Mesh(vertices, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]))

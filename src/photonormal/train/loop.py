@@ -32,6 +32,8 @@ from photonormal.types import InputError
 
 log = logging.getLogger(__name__)
 
+CLOCK = 10  # steps between looks at the clock
+
 
 def train(
     recipe: str | Recipe,
@@ -94,6 +96,16 @@ def train(
     journal = Journal(out, step, steps, minutes) if rank == 0 else None
     start = saved = time.monotonic()
 
+    def validated() -> dict[str, dict[str, float]]:
+        """Errors on every exam and on the real objects, written into the journal."""
+        assert journal is not None
+        best = averaged(net, mean)
+        found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
+        found["real"] = on_real(best, fabric.device)
+        for kind, errors in found.items():
+            journal.write(step, kind, errors)
+        return found
+
     def finish_step(last: bool) -> None:
         """What the first process writes down after a step."""
         nonlocal saved
@@ -105,15 +117,14 @@ def train(
             checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
             saved = now
         if step % recipe.validate == 0 and not last:
-            for kind, exam in exams.items():
-                journal.write(step, kind, on_rendered(averaged(net, mean), exam, recipe))
+            validated()
 
-    fraction = 0.0
+    first, spent = step, 0.0
     while step < steps:
-        seconds = (
-            fabric.all_reduce(torch.tensor(before + time.monotonic() - start), reduce_op="max") if minutes else 0.0
-        )
-        fraction = max(step / steps, float(seconds) / (60 * minutes) if minutes else 0.0)
+        if step % CLOCK == 0 or step == first:
+            seconds = torch.tensor(before + time.monotonic() - start, device=fabric.device)
+            spent = float(fabric.all_reduce(seconds, reduce_op="max")) / 60  # all processes stop at the same step
+        fraction = max(step / steps, spent / minutes if minutes else 0.0)
         if fraction >= 1:
             break
         lr = recipe.rate(step, fraction)
@@ -135,21 +146,16 @@ def train(
     path = out / f"{name}.safetensors"
     if journal:
         finish_step(last=True)
-        net = averaged(net, mean)
-        errors = {kind: on_rendered(net, exam, recipe) for kind, exam in exams.items()}
-        errors["real"] = on_real(net, fabric.device)
-        for title, found in errors.items():
-            journal.write(step, title, found)
         spent = (before + time.monotonic() - start) / 60
         told = {
             "recipe": recipe.as_dict(),
             "network": recipe.network,
             "steps": step,
             "minutes": spent,
-            "errors": errors,
+            "errors": validated(),
         }
         told |= {"command": command(name, out, minutes, steps), "device": f"{world} x {device_name(fabric.device)}"}
-        export(out, name, net, told | version())
+        export(out, name, averaged(net, mean), told | version())
         journal.close()
     fabric.barrier()
     return path
@@ -158,8 +164,8 @@ def train(
 def cosine_loss(model: Any, seen: Observed, fabric: Any) -> torch.Tensor:
     """Mean of 1 - cos over the mask's pixels; its mean over the processes is the mean over all their pixels."""
     N = model(seen.images, seen.lights, seen.prior)  # (b, 3, h, w)
-    error = (1 - (N * seen.normals).sum(1))[seen.mask[:, 0]]  # (p,)
-    pixels = fabric.all_reduce(torch.tensor(float(len(error)), device=error.device), reduce_op="mean")
+    error = (1 - (N * seen.normals).sum(1)) * seen.mask[:, 0]  # (b, h, w)
+    pixels = fabric.all_reduce(seen.mask.sum().float(), reduce_op="mean")
     return error.sum() / pixels
 
 

@@ -33,7 +33,7 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
 
     `vary` False, for validation: the first `recipe.images[1]` images as they are, the first of the recipe's priors.
     """
-    images, lights, normals, mask = batch.images, batch.lights, batch.normals, batch.mask
+    images, lights, normals, mask = batch.images.nan_to_num(), batch.lights, batch.normals, batch.mask
     draw = torch.Generator().manual_seed(hash((recipe.seed, step, rank)) % 2**62)
     n = images.shape[1]
     if vary:

@@ -19,6 +19,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "rpca": "photonormal.solve.classical.rpca:RPCA",
     "median": "photonormal.solve.classical.median:Median",
     "ransac": "photonormal.solve.classical.ransac:Ransac",
+    "table": "photonormal.solve.classical.table:Table",
     "consensus": "photonormal.solve.classical.consensus:Consensus",
     "monotonic": "photonormal.solve.classical.monotonic:Monotonic",
     "bipolynomial": "photonormal.solve.classical.bipolynomial:Bipolynomial",

@@ -120,13 +120,24 @@ def per_lit_pixel(
 ) -> Normals:
     """As `per_pixel`, for a `fit` that also takes which samples are lit (p, n), by the whole capture's threshold."""
     I = grey_levels(capture)  # (p, n)
-    keep = lit(I)
     L = torch.as_tensor(capture.known_lights(), dtype=dtype, device=device)
-    N = [
-        fit(I[s].to(device, dtype), keep[s].to(device), L).to("cpu", torch.float32)
-        for s in blocks(I.shape[0], I.shape[1], device)
-    ]
-    return on_mask(torch.cat(N), capture)
+    return on_mask(every_pixel(fit, I, lit(I), L).to("cpu", torch.float32), capture)
+
+
+def every_pixel(
+    fit: Callable[[Tensor, Tensor, Tensor], Tensor],
+    I: Float[Tensor, "p n"],
+    keep: Bool[Tensor, "p n"],
+    L: Float[Tensor, "n 3"],
+) -> Float[Tensor, "p 3"]:
+    """``fit(I, keep, L)`` block by block, in the precision and on the device of the lights."""
+    found = [fit(I[s].to(L), keep[s].to(L.device), L) for s in blocks(I.shape[0], I.shape[1], L.device)]
+    return torch.cat(found)
+
+
+def some_pixels(p: int, count: int) -> Int[Tensor, " q"]:
+    """At most `count` of `p` pixels, at random, the same ones each time."""
+    return torch.randperm(p, generator=torch.Generator().manual_seed(0))[:count].sort().values
 
 
 def on_mask(N: Float[Tensor, "p 3"], capture: Capture) -> Normals:

@@ -21,8 +21,8 @@ TOGETHER = 512  # pixels voted on at a time
 class Consensus:
     """Candidate normals over the hemisphere, each with the votes of all pairs of lit samples; the mean of the best.
 
-    Monotonicity: I_i > I_j asks for n.(l_i - l_j) > 0, for any reflectance that grows with n.l. Visibility: a lit sample
-    asks for n.l > 0. No reflectance is fitted, so it holds on metal, but the answer is a region as wide as the
+    Monotonicity: I_i > I_j asks for n.(l_i - l_j) > 0, for any reflectance that grows with n.l. Visibility: a lit
+    sample asks for n.l > 0. No reflectance is fitted, so it holds on metal, but the answer is a region as wide as the
     lights are sparse. Needs 6 lights.
 
     Parameters

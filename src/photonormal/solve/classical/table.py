@@ -1,0 +1,166 @@
+"""Reflectance as a table: N. Alldrin, T. Zickler, D. Kriegman, CVPR 2008."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import pi
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.shading import cosines, half_vectors, shade
+from photonormal.solve.classical.monotonic import Monotonic
+from photonormal.solve.classical.ransac import Ransac
+from photonormal.solve.classical.refine import Refinement
+from photonormal.solve.observations import (
+    at_least,
+    blocks,
+    every_pixel,
+    grey_levels,
+    lit,
+    on_mask,
+    some_pixels,
+)
+from photonormal.types import Capture, Normals
+
+
+@dataclass(frozen=True)
+class Table:
+    """I = a_p B(theta_h, theta_d) n.l with one table B for the object and an albedo a_p and a normal for each pixel.
+
+    B is read off the samples of some pixels, then all normals are refined under it, in turn. That is done from two starts,
+    one that is right on matt surfaces and one that is right on metal; each pixel keeps the answer that explains it
+    better. Objects of several very different materials fit one table badly. Needs 10 lights.
+
+    Parameters
+    ----------
+    half, difference : cells of the table over theta_h (finer near 0) and over the theta_d that the lights reach
+    smooth : width in cells of the smoothing, over theta_h and theta_d
+    sample : pixels that the table is read off
+    rounds : of reading off, then refining
+    matt, metal : give the two starts
+    refinement : of the normals
+    """
+
+    half: int = 40
+    difference: int = 4
+    smooth: tuple[float, float] = (0.7, 0.8)
+    sample: int = 6000
+    rounds: int = 4
+    matt: Ransac = field(default=Ransac(triplets=60))
+    metal: Monotonic = field(default=Monotonic())
+    refinement: Refinement = field(default=Refinement())
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        at_least(10, capture, "table")
+        I = grey_levels(capture)  # (p, n)
+        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)
+        return on_mask(self.fit(I, lit(I), L).cpu(), capture)
+
+    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+        """Unit normals of a whole object from the samples to `keep`; computed where the lights are."""
+        answers = [self.refine(I, keep, L, start) for start in (self.matt, self.metal)]
+        (n, loss), (n_metal, loss_metal) = answers
+        return torch.where(loss_metal < loss, n_metal, n)
+
+    def refine(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], start: Ransac | Monotonic
+    ) -> tuple[Float[Tensor, "p 3"], Float[Tensor, "p 1"]]:
+        """Normals from one start, and their loss."""
+        n = every_pixel(start.fit, I, keep, L)
+        loss = torch.zeros_like(n[:, :1])
+        some = some_pixels(I.shape[0], self.sample)
+        samples, lit = I[some].to(L), keep[some].to(L.device)
+        grid = Grid.under(L, self.half, self.difference)
+        B = torch.ones(self.half + 1, self.difference, device=L.device)
+        for _ in range(self.rounds):
+            B = self.read_off(grid, B, samples, lit, n[some.to(L.device)])
+
+            def model(n: Tensor, B: Tensor = B) -> Tensor:
+                return shade(grid.look_up(B, n), cosines(n, L).clamp(min=1e-4))
+
+            for s in blocks(I.shape[0], I.shape[1], L.device):
+                n[s], loss[s] = self.refinement(model, I[s].to(L), keep[s].to(L.device), n[s])
+        return n, loss
+
+    def read_off(
+        self,
+        grid: Grid,
+        B: Float[Tensor, "k m"],
+        I: Float[Tensor, "q n"],
+        keep: Bool[Tensor, "q n"],
+        n: Float[Tensor, "q 3"],
+    ) -> Float[Tensor, "k m"]:
+        """The smooth table that explains the samples I best, given normals; albedos are found in turn, three times."""
+        cos = cosines(n, grid.L)
+        w = keep * (cos > 0.05)
+        weight = grid.sums(n, w * cos**2)
+        for _ in range(3):
+            f = shade(grid.look_up(B, n), cos)
+            a = (w * f * I).sum(1, keepdim=True) / (w * f * f).sum(1, keepdim=True).clamp(min=1e-12)  # (q, 1)
+            total = grid.sums(n, w * cos * I / a.clamp(min=1e-6))  # of B cos^2
+            B = smoothed(total, self.smooth) / smoothed(weight, self.smooth).clamp(min=1e-9)
+            B = filled(B, weight > 1e-5 * weight.max())
+            B = (B / B.median()).clamp(min=1e-3)
+        return B
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Where the samples of given lights fall in a table over (theta_h, theta_d); theta_d depends on the light alone."""
+
+    L: Float[Tensor, "n 3"]
+    H: Float[Tensor, "n 3"]
+    half: int  # cells over theta_h
+    column: Float[Tensor, " n"]  # with fraction
+
+    @classmethod
+    def under(cls, L: Float[Tensor, "n 3"], half: int, difference: int) -> Grid:
+        """The grid of lights L."""
+        H = half_vectors(L)
+        theta_d = (L * H).sum(-1).clamp(-1, 1).acos()
+        span = (theta_d.max() - theta_d.min()).clamp(min=1e-6)
+        return cls(L, H, half, (theta_d - theta_d.min()) / span * (difference - 1))
+
+    def rows(self, n: Float[Tensor, "p 3"]) -> Float[Tensor, "p n"]:
+        """Row of each sample, with fraction: as the root of theta_h."""
+        theta_h = cosines(n, self.H).clamp(-1, 1).acos()
+        return (theta_h / (pi / 2)).clamp(max=1).sqrt() * self.half
+
+    def look_up(self, B: Float[Tensor, "k m"], n: Float[Tensor, "p 3"]) -> Float[Tensor, "p n"]:
+        """The table's value for each sample, bilinear."""
+        j = self.column.floor().clamp(max=B.shape[1] - 2).long()
+        of_light = torch.lerp(B[:, j], B[:, j + 1], self.column - j)  # (k, n)
+        row = self.rows(n)
+        i = row.floor().clamp(max=self.half - 1).long()
+        return torch.lerp(of_light.gather(0, i), of_light.gather(0, i + 1), row - i)
+
+    def sums(self, n: Float[Tensor, "p 3"], values: Float[Tensor, "p n"]) -> Float[Tensor, "k m"]:
+        """Sums of the samples' values in the nearest cells."""
+        columns = round(float(self.column.max())) + 1
+        cell = self.rows(n).round().long() * columns + self.column.round().long()
+        sums = values.new_zeros((self.half + 1) * columns)
+        return sums.index_add_(0, cell.flatten(), values.flatten()).reshape(-1, columns)
+
+
+def smoothed(B: Float[Tensor, "k m"], width: tuple[float, float]) -> Float[Tensor, "k m"]:
+    """Gaussian smoothing; the border repeats."""
+    for axis in (0, 1):
+        offset = torch.arange(-3, 4, device=B.device)
+        kernel = torch.exp(-0.5 * (offset / width[axis]) ** 2).to(B.dtype)
+        index = torch.arange(B.shape[axis], device=B.device)[:, None] + offset
+        parts = B.movedim(axis, 0)[index.clamp(0, B.shape[axis] - 1)]  # (k, 7, m)
+        B = torch.einsum("kwm,w->km", parts, kernel / kernel.sum()).movedim(0, axis)
+    return B
+
+
+def filled(B: Float[Tensor, "k m"], seen: Bool[Tensor, "k m"]) -> Float[Tensor, "k m"]:
+    """Unseen cells take the value of the nearest seen one of larger theta_h, or else of smaller."""
+    for order in (range(B.shape[0] - 2, -1, -1), range(1, B.shape[0])):
+        step = order.step
+        for k in order:
+            take = ~seen[k] & seen[k - step]
+            B = B.index_copy(0, torch.tensor([k], device=B.device), torch.where(take, B[k - step], B[k])[None])
+            seen = seen.index_copy(0, torch.tensor([k], device=B.device), (seen[k] | take)[None])
+    return B

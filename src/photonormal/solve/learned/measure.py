@@ -24,7 +24,7 @@ from photonormal.types import Capture, InputError, Normals
 
 log = logging.getLogger(__name__)
 
-KEPT = 3 * 2**28  # bytes of features kept between images, unless one tile alone needs more
+KEPT = 2**29  # bytes of features kept between images, unless one tile alone needs more
 PRIOR = 2**26  # grey levels that a prior other than least squares looks at in one pass over the images
 AHEAD = 2**22  # pixels of a frame up to which the next one is decoded while this one is computed
 
@@ -53,6 +53,7 @@ def measure(
         log.info("prior and scale: %.2f s", time.perf_counter() - start)
         N = torch.zeros(3, *box.mask.shape)  # (3, h, w)
         windows = box.windows(tile, net.reach)
+        tiles: list[Tile] = []
         together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * net.reach) ** 2))  # tiles
         for first in range(0, len(windows), together):
             tiles = [Tile(net, box, look, w, L, rotations) for w in windows[first : first + together]]
@@ -63,7 +64,9 @@ def measure(
             for t in tiles:
                 t.finish(N, n)
     log.info("network: %.2f s in all", time.perf_counter() - start)
-    return box.normals(N, look.lit.cpu(), capture)
+    lit = look.lit.cpu()
+    del look, tiles
+    return box.normals(N, lit, capture)
 
 
 @dataclass(frozen=True)
@@ -86,7 +89,7 @@ class Box:
     def crop(self, image: np.ndarray) -> Float[Tensor, "1 1 c h w"]:
         """This box of a picture (rows, columns, c); zero where the box reaches beyond it."""
         h, w = self.mask.shape
-        inside = torch.from_numpy(np.ascontiguousarray(image[self.top : self.top + h, self.left : self.left + w]))
+        inside = torch.from_numpy(image[self.top : self.top + h, self.left : self.left + w])
         crop = torch.zeros(1, 1, image.shape[2], h, w)
         crop[0, 0, :, : inside.shape[0], : inside.shape[1]] = inside.permute(2, 0, 1)
         return crop
@@ -147,7 +150,9 @@ def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3"]
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     if prior not in ("", "woodham"):
         b = by_blocks(prior, capture, box, L)
-    return Look(torch.nn.functional.normalize(b, dim=0) * mask[0], moments, lit)
+    b /= b.norm(dim=0, keepdim=True).clamp(min=1e-12)
+    b *= mask[0]
+    return Look(b, moments, lit)
 
 
 def by_blocks(prior: str, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) -> Float[Tensor, "3 h w"]:
@@ -168,18 +173,31 @@ def by_blocks(prior: str, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) -
 def frames(capture: Capture, box: Box, device: torch.device, chunk: int) -> Iterator[tuple[int, Tensor]]:
     """(j, images j, j + 1, ... (1, k, c, h, w)) of the box, up to `chunk` at a time."""
     n, h, w, _ = capture.images.shape
+    held: list[Tensor] = []
+    for j, image in enumerate(read_ahead(capture, box) if h * w <= AHEAD else map(box.crop, in_order(capture))):
+        held.append(image)
+        if len(held) == chunk or j == n - 1:
+            together = held[0] if len(held) == 1 else torch.cat(held, dim=1)
+            held = []
+            yield j + 1 - together.shape[1], together.to(device)
+            del image, together  # before the next is read
+
+
+def in_order(capture: Capture) -> Iterator[np.ndarray]:
+    """The pictures, one after the other."""
+    return (capture.images[j] for j in range(capture.images.shape[0]))
+
+
+def read_ahead(capture: Capture, box: Box) -> Iterator[Tensor]:
+    """The box of every picture, the next ones read while one is looked at."""
+    n = capture.images.shape[0]
     with ThreadPoolExecutor(1) as reader:
-        ahead = 1 + (h * w <= AHEAD)
-        crop = lambda j: box.crop(capture.images[j])  # noqa: E731
-        waiting = [reader.submit(crop, j) for j in range(min(ahead, n))]
-        held: list[Tensor] = []
+        waiting = [reader.submit(lambda j: box.crop(capture.images[j]), j) for j in range(min(2, n))]
         for j in range(n):
-            held.append(waiting.pop(0).result())
-            if j + ahead < n:
-                waiting.append(reader.submit(crop, j + ahead))
-            if len(held) == chunk or j == n - 1:
-                yield j + 1 - len(held), torch.cat(held, dim=1).to(device)
-                held = []
+            image = waiting.pop(0).result()
+            if j + 2 < n:
+                waiting.append(reader.submit(lambda j: box.crop(capture.images[j]), j + 2))
+            yield image
 
 
 class Tile:

@@ -1,0 +1,55 @@
+"""The learned methods: right weights in, normals out; wrong ones are refused in one line."""
+
+import pytest
+import torch
+
+from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
+from photonormal.solve.learned.methods import PSFCN, LambertianPrior, NormalNetMethod, PSFCNNormalised
+from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig
+from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
+from photonormal.solve.learned.weights import checksum, save
+from photonormal.types import InputError
+from tests.scenes import lambertian, ring, sphere
+
+CPU = torch.device("cpu")
+SMALL = {
+    LambertianPrior: ("lambertian-prior", lambda: LambertianPriorNet(LambertianPriorConfig(width=8))),
+    NormalNetMethod: ("normalnet", lambda: NormalNet(NormalNetConfig(hidden=8, features=8, width=8))),
+    PSFCN: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8))),
+    PSFCNNormalised: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8, normalised=True))),
+}
+
+
+@pytest.fixture(params=SMALL)
+def method(request, tmp_path):
+    kind, make = SMALL[request.param]
+    torch.manual_seed(0)
+    save(tmp_path / "w.safetensors", kind, make(), {})
+    return request.param(weights=str(tmp_path / "w.safetensors"))
+
+
+def test_own_weights_measure(method):
+    capture = lambertian(sphere(24), ring(5))
+    normals = method(capture, CPU)
+    assert (normals.mask == capture.mask).all()
+    assert method.weights_sha256 == checksum(method.file)
+
+
+def test_weights_of_another_method_are_refused(method):
+    capture = lambertian(sphere(24), ring(5))
+    for other in SMALL:
+        if other is not type(method):
+            with pytest.raises(InputError, match="weights .* are for"):
+                other(weights=method.weights)(capture, CPU)
+
+
+def test_captures_without_lights_are_refused(method):
+    from dataclasses import replace
+
+    with pytest.raises(InputError, match="no light directions"):
+        method(replace(lambertian(sphere(24), ring(5)), lights=None), CPU)
+
+
+def test_missing_weights_are_refused():
+    with pytest.raises(InputError, match="no weights nowhere"):
+        PSFCN(weights="nowhere")(lambertian(sphere(24), ring(5)), CPU)

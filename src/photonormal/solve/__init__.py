@@ -20,6 +20,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "median": "photonormal.solve.classical.median:Median",
     "ransac": "photonormal.solve.classical.ransac:Ransac",
     "table": "photonormal.solve.classical.table:Table",
+    "ward": "photonormal.solve.classical.ward:Ward",
     "consensus": "photonormal.solve.classical.consensus:Consensus",
     "monotonic": "photonormal.solve.classical.monotonic:Monotonic",
     "bipolynomial": "photonormal.solve.classical.bipolynomial:Bipolynomial",

@@ -29,9 +29,9 @@ from photonormal.types import Capture, Normals
 class Table:
     """I = a_p B(theta_h, theta_d) n.l with one table B for the object and an albedo a_p and a normal for each pixel.
 
-    B is read off the samples of some pixels, then all normals are refined under it, in turn. That is done from two starts,
-    one that is right on matt surfaces and one that is right on metal; each pixel keeps the answer that explains it
-    better. Objects of several very different materials fit one table badly. Needs 10 lights.
+    B is read off the samples of some pixels, then all normals are refined under it, in turn. That is done from two
+    starts, one that is right on matt surfaces and one that is right on metal; each pixel keeps the answer that explains
+    it better. Objects of several very different materials fit one table badly. Needs 10 lights.
 
     Parameters
     ----------

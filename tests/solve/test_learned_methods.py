@@ -39,7 +39,7 @@ def test_weights_of_another_method_are_refused(method):
     capture = lambertian(sphere(24), ring(5))
     for other in SMALL:
         if other is not type(method):
-            with pytest.raises(InputError, match="weights .* are for"):
+            with pytest.raises(InputError, match="are for"):
                 other(weights=method.weights)(capture, CPU)
 
 

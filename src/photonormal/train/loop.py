@@ -94,6 +94,7 @@ def train(
     batches = replayed(source, step, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
     journal = Journal(out, step, steps, minutes) if rank == 0 else None
+    fabric.barrier()
     start = saved = time.monotonic()
 
     def validated() -> dict[str, dict[str, float]]:
@@ -154,7 +155,10 @@ def train(
             "minutes": spent,
             "errors": validated(),
         }
-        told |= {"command": command(name, out, minutes, steps), "device": f"{world} x {device_name(fabric.device)}"}
+        told |= {
+            "command": command(name, out, minutes, steps, world),
+            "device": f"{world} x {device_name(fabric.device)}",
+        }
         export(out, name, averaged(net, mean), told | version())
         journal.close()
     fabric.barrier()
@@ -233,7 +237,8 @@ def version() -> dict[str, str]:
     return {"photonormal": photonormal.__version__, "torch": str(torch.__version__)}
 
 
-def command(name: str, out: Path, minutes: float | None, steps: int) -> str:
+def command(name: str, out: Path, minutes: float | None, steps: int, world: int) -> str:
     """The command line that trains this again."""
+    run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
     budget = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
-    return f"photonormal train {name} --out {out} {budget}"
+    return f"{run} train {name} --out {out} {budget}"

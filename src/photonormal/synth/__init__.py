@@ -6,7 +6,12 @@ Nothing heavy is imported before it is asked for.
 from __future__ import annotations
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from photonormal.synth.output import render
+    from photonormal.synth.recipes import RECIPES, Recipe, recipe
+    from photonormal.synth.stream import Batch, Stream
 
 _WHERE = {
     "Batch": "photonormal.synth.stream",
@@ -14,8 +19,9 @@ _WHERE = {
     "RECIPES": "photonormal.synth.recipes",
     "Recipe": "photonormal.synth.recipes",
     "recipe": "photonormal.synth.recipes",
+    "render": "photonormal.synth.output",
 }
-__all__ = ["RECIPES", "Batch", "Recipe", "Stream", "recipe"]
+__all__ = ["RECIPES", "Batch", "Recipe", "Stream", "recipe", "render"]
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""One bounce of light between parts of the surface: where rays from each receiver arrive is found once, for all lights."""
+"""One bounce of light between parts of the surface; where rays from a receiver arrive is found once for all lights."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ def write_diligent(
     import cv2
     from scipy.io import savemat
 
-    n, h, w, _ = images.shape
+    n = len(images)
     if intensities is None:
         intensities = np.ones((n, 3))
     folder = _new(folder)

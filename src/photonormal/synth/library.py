@@ -20,7 +20,7 @@ from photonormal.synth.brdf.merl import Merl, read_merl
 from photonormal.synth.brdf.neural import Neural
 from photonormal.types import InputError
 
-FAMILIES = ("principled", "sgd", "abc", "neural", "merl")
+FAMILIES = ("principled", "sgd", "abc", "neural", "merl", "lambert")
 HELD_OUT_EVERY = 7  # of the names in alphabetical order, from the fourth: never in the training split
 
 
@@ -36,10 +36,6 @@ class Library:
     sgd_gloss: Float[Tensor, "k 3"]  # albedo of the glossy part
     abc_gloss: Float[Tensor, "k 3"]
     neural_albedo: Float[Tensor, "k 3"]
-
-    def families(self) -> tuple[str, ...]:
-        """Those that can be drawn."""
-        return FAMILIES if self.merl else FAMILIES[:4]
 
 
 def data_folder(folder: Path | str | None = None) -> Path | None:

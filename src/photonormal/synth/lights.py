@@ -9,17 +9,17 @@ from photonormal.types import InputError
 LOWEST = 0.08  # lz of the lowest light of a hemisphere
 
 
-def draw_lights(g: np.random.Generator, b: int, n: int, narrow: float, layout: str = "mixed") -> np.ndarray:
+def draw_lights(g: np.random.Generator, b: int, n: int, narrow: float, rig: str = "mixed") -> np.ndarray:
     """Unit directions (b, n, 3); the share `narrow` of the sets is about as narrow as DiLiGenT's, the rest wide.
 
-    A `layout` other than "mixed" is one of KINDS for all of them.
+    A `rig` other than "mixed" is one of KINDS for all of them.
     """
-    if layout != "mixed" and layout not in _KINDS:
-        raise InputError(f"no light layout {layout!r}; use mixed, {', '.join(_KINDS)}.")
+    if rig != "mixed" and rig not in _KINDS:
+        raise InputError(f"no light rig {rig!r}; use mixed, {', '.join(_KINDS)}.")
     sets = []
     for _ in range(b):
-        if layout != "mixed":
-            kind = layout
+        if rig != "mixed":
+            kind = rig
         elif g.random() < narrow:
             kind = g.choice(["grid", "box", "cone"], p=[0.5, 0.3, 0.2])
         else:
@@ -52,7 +52,7 @@ def box(g: np.random.Generator, n: int) -> np.ndarray:
 
 
 def grid(g: np.random.Generator, n: int) -> np.ndarray:
-    """Lamps on a flat frame around the camera, as DiLiGenT's 12 x 8: directions to jittered grid points, `n` of them."""
+    """Lamps on a flat frame around the camera, like DiLiGenT's 12 x 8: `n` jittered points of the grid."""
     columns, rows = 12, 8
     x, y = np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows))
     xy = np.stack([x.ravel(), y.ravel()], -1)
@@ -75,7 +75,7 @@ def dome(g: np.random.Generator, n: int) -> np.ndarray:
 
 
 def stage(g: np.random.Generator, n: int) -> np.ndarray:
-    """A light stage's front: an even, slightly irregular spiral down to 25 degrees above the horizon, in its own order."""
+    """The front of a light stage: an even, slightly irregular spiral down to 25 degrees above the horizon."""
     k = np.arange(n) + 0.5
     z = 1 - k / n * (1 - np.sin(np.radians(25)))
     r, phi = np.sqrt(1 - z**2), np.pi * (1 + 5**0.5) * k

@@ -21,6 +21,7 @@ from photonormal.synth.params import log_uniform, take, tensor
 from photonormal.synth.waves import Waves, draw_waves
 
 PALETTE, SEEDS = 4, 24
+LAMBERT = FAMILIES.index("lambert")
 PATTERNS = ("plain", "patches", "cells", "gradient", "veins")
 BRIGHTEST = 60.0  # bound of pi f at mirror geometry, in times a white matt surface
 
@@ -70,7 +71,11 @@ def dress(coats: Coats, p: Float[Tensor, "b 3 p"], shelf: Library | None) -> lis
         metal = values[:, 3:4]
         matt = base * torch.lerp(torch.ones_like(metal), 0.85 * metal, metal)
         skins.append(Skin(principled, matt, Principled(values[:, None])))
-    for scenes in (coats.family[:, 0] > 0).nonzero():  # measured: one at a time
+    matt = (coats.family[:, 0] == LAMBERT).nonzero()[:, 0]
+    if matt.numel():
+        base = coats.palette[matt, :, :3].transpose(1, 2) @ weights[matt]
+        skins.append(_lambert(matt, (base * tint[matt]).clamp(0.01, 0.97)))
+    for scenes in ((coats.family[:, 0] > 0) & (coats.family[:, 0] < LAMBERT)).nonzero():  # measured: one at a time
         skins.append(_measured(take(coats, scenes), scenes, weights[scenes], tint[scenes], shelf))
     return skins
 
@@ -85,6 +90,12 @@ def radiance(skins: list[Skin], cos_l: Tensor, cos_v: Tensor, cos_h: Tensor, cos
         f = skin.f(cos_l[i].clamp(min=1e-3), cos_v[i].clamp(min=0.05), cos_h[i], cos_d[i])
         out[i] = f.mul(math.pi).clamp_(0, BRIGHTEST)
     return out
+
+
+def _lambert(scenes: Tensor, albedo: Tensor) -> Skin:
+    return Skin(
+        scenes, albedo, lambda cos_l, *_: (albedo / math.pi)[:, None].expand(-1, cos_l.shape[1], -1, -1).clone()
+    )
 
 
 def _measured(coat: Coats, scenes: Tensor, weights: Tensor, tint: Tensor, shelf: Library | None) -> Skin:
@@ -191,12 +202,12 @@ def _texture(coats: Coats, p: Tensor) -> tuple[Tensor, Tensor]:
 
 def draw_coats(g: np.random.Generator, b: int, mix: tuple[float, ...], varying: float, shelf: Library | None) -> Coats:
     """`mix` are the shares of FAMILIES (those that no file is there for go to the others), `varying` of patterns."""
-    share = np.asarray(mix, float) * [1, *[shelf is not None] * 3, bool(shelf and shelf.merl)]
+    share = np.asarray(mix, float) * [1, *[shelf is not None] * 3, bool(shelf and shelf.merl), 1]
     if share.sum() == 0:
         share[0] = 1
     first = g.choice(len(FAMILIES), b, p=share / share.sum())
-    other = np.where(first == 0, 0, np.where(g.random(b) < 0.7, first, g.integers(1, 4, b)))
-    count = [1, *[len(shelf.names) if shelf else 1] * 3, max(1, len(shelf.merl)) if shelf else 1]
+    other = np.where((first == 0) | (first == LAMBERT), first, np.where(g.random(b) < 0.7, first, g.integers(1, 4, b)))
+    count = [1, *[len(shelf.names) if shelf else 1] * 3, max(1, len(shelf.merl)) if shelf else 1, 1]
     family = np.stack([first, other], -1)
     pattern = np.where(g.random(b) < varying, g.choice([1, 2, 3, 4], b, p=[0.4, 0.2, 0.25, 0.15]), 0)
     measured_mix = np.where(pattern > 0, -1.0, np.where(g.random(b) < 0.25, g.uniform(0.2, 0.8, b), 0.0))
@@ -215,7 +226,7 @@ def draw_coats(g: np.random.Generator, b: int, mix: tuple[float, ...], varying: 
         tensor(np.exp(g.normal(0, 0.35, (b, SEEDS, 3)) - 0.2)),
         torch.from_numpy(g.integers(0, PALETTE, (b, SEEDS))),
         draw_waves(g, log_uniform(g, 2, 25, (b, 3)), 8, 2.0),
-        tensor(textured * g.uniform(0.15, [0.5, 0.5, 1.0], (b, 3))),
+        tensor(textured * g.uniform(0.1, [0.5, 0.3, 1.0], (b, 3))),
         tensor(g.normal(size=(b, 3))),
     )
 
@@ -235,9 +246,9 @@ def _palette(g: np.random.Generator) -> np.ndarray:
 
 
 def _principled(g: np.random.Generator) -> np.ndarray:
-    kind = g.choice(["matt", "plastic", "metal", "cloth", "coated"], p=[0.24, 0.3, 0.2, 0.1, 0.16])
-    value, saturation, hue = g.uniform(0.15, 0.95), g.beta(1.2, 1.8), g.uniform(0, 2 * np.pi)
-    base = value * (1 - saturation * (0.5 + 0.5 * np.cos(hue + np.array([0, 2.1, 4.2]))))
+    kind = g.choice(["matt", "plastic", "metal", "cloth", "coated"], p=[0.2, 0.28, 0.28, 0.08, 0.16])
+    value, saturation, hue = g.uniform(0.15, 0.95), g.beta(1.1, 2.2), g.uniform(0, 2 * np.pi)
+    base = value * (1 - 0.85 * saturation * (0.5 + 0.5 * np.cos(hue + np.array([0, 2.1, 4.2]))))
     metallic, rough, spec = 0.0, g.uniform(0.45, 1), g.uniform(0, 0.4)
     sheen = coat = gloss = 0.0
     if kind == "plastic":

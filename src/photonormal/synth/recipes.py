@@ -1,4 +1,4 @@
-"""What a rendered set looks like: every choice is a field of a frozen dataclass, every named set one line of RECIPES."""
+"""What a rendered set looks like: every choice is a field of a frozen dataclass, every named set is in RECIPES."""
 
 from __future__ import annotations
 
@@ -23,50 +23,77 @@ class Recipe:
     crops: int = 8
     scenes: int = 32
     coverage: float = 0.5  # least share of a window that is on the object
+    hollows: float = 2.0  # how strongly half of the windows prefer parts below their surroundings
     zoom: float = 0.45  # share of scenes that show a part of the object only
-    # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned
-    shapes: tuple[float, ...] = (0.27, 0.22, 0.19, 0.13, 0.08, 0.11)
+    # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned, piles
+    shapes: tuple[float, ...] = (0.25, 0.15, 0.17, 0.13, 0.07, 0.11, 0.12)
     detail: float = 1.0  # 0: smooth
     solid: str = "drawn"  # "bust": one fixed sculpture instead of drawn shapes
     meshes: str | None = None  # folder of OBJ files, seen instead of drawn shapes
-    # materials: shares of principled, sgd, abc, neural, raw MERL files
-    materials: tuple[float, ...] = (0.4, 0.26, 0.19, 0.15, 0.1)
+    # materials: shares of principled, sgd, abc, neural, raw MERL files, Lambertian
+    materials: tuple[float, ...] = (0.4, 0.25, 0.18, 0.15, 0.1, 0.02)
     varying: float = 0.5  # share whose material changes over the surface
     split: str = "train"  # of the measured materials' names: train, validation, all
     data: str | None = None  # folder of the measured materials; None: PHOTONORMAL_DATA/brdf, or principled only
     # light
     lights: tuple[int, int] = (32, 32)  # fewest and most of a batch, log-uniform
     narrow: float = 0.6  # share of light sets like DiLiGenT's; the rest span the hemisphere
-    layout: str = "mixed"  # one kind of light set, from lights.KINDS, instead
+    rig: str = "mixed"  # one kind of light set, from lights.KINDS, instead
     distance: float | None = None  # of the lamps, in half widths of the scene; None: infinitely far
     ambient: float = 0.01  # most light from everywhere, of a white surface's brightest
     # transport
     shadows: bool = True
     bounce: float = 0.65  # share of scenes with light between parts of the surface
-    smooth_edges: bool = True  # several samples in each pixel where the surface breaks off
     # sensor
-    saturated: float = 0.015  # most of the samples that exceed the sensor's range
-    noise: float = 0.01  # most noise of a sample at full scale, and a third of it in the dark
+    smooth_edges: bool = True  # pixels on occluding edges mix both sides
+    blurred: float = 0.3  # share of scenes that are not quite sharp
+    saturated: float = 0.03  # most of the samples that exceed the sensor's range
+    noise: float = 0.006  # most noise of a sample at full scale, and a third of it in the dark
     low_bits: float = 0.2  # share of scenes in 8 bits; the others have 16
     # errors of the set-up
     intensity_error: float = 0.03  # most standard deviation of a light's measured intensity
     light_error_deg: float = 1.0  # most standard deviation of a light's measured direction
     corrupted: float = 0.3  # share of scenes in which some images are partly dimmed, brightened or shifted
+    # file
+    layout: str = "shards"  # diligent, blobby, shards
 
 
-RECIPES = {
+_PERFECT: dict[str, Any] = dict(
+    intensity_error=0.0, light_error_deg=0.0, corrupted=0.0
+)  # lights known exactly, nothing damaged
+_NOISELESS: dict[str, Any] = dict(saturated=0.0, noise=0.0, blurred=0.0, low_bits=0.0, ambient=0.0, smooth_edges=False)
+_WHOLE: dict[str, Any] = dict(crop=128, crops=1, zoom=0.0, layout="diligent")  # a window is a whole object
+
+RECIPES: dict[str, Recipe] = {
     "train": Recipe(),
-    "validation": Recipe(split="validation", zoom=0.3, corrupted=0.0, light_error_deg=0.0, intensity_error=0.0),
+    "validation": Recipe(split="validation", zoom=0.3, **_PERFECT),
+    "objects": Recipe(lights=(96, 96), narrow=1.0, split="validation", **_WHOLE, **_PERFECT),
+    "preview": Recipe(lights=(4, 4), **{**_WHOLE, "zoom": 0.25}, **_PERFECT),
+    "blobby": Recipe(lights=(64, 64), narrow=0.0, **{**_WHOLE, "layout": "blobby"}, **_PERFECT),
     "demo": Recipe(
-        size=160, crop=160, crops=1, scenes=1, zoom=0.0, solid="bust", lights=(24, 24), layout="stage", bounce=1.0,
-        saturated=0.04, noise=0.002, low_bits=0.0, ambient=0.0, intensity_error=0.0, light_error_deg=0.0, corrupted=0.0,
+        size=160,
+        scenes=1,
+        solid="bust",
+        lights=(24, 24),
+        rig="stage",
+        bounce=1.0,
+        **{**_WHOLE, "crop": 160},
+        **_PERFECT,
+        **{**_NOISELESS, "saturated": 0.04, "noise": 0.002, "smooth_edges": True},
     ),
     "lambert": Recipe(
-        materials=(0.0,), shapes=(1.0, 0, 0, 0, 0, 0), detail=0.0, varying=0.0, zoom=0.0, ambient=0.0, shadows=False,
-        bounce=0.0, saturated=0.0, noise=0.0, low_bits=0.0, intensity_error=0.0, light_error_deg=0.0, corrupted=0.0,
-        smooth_edges=False,
+        lights=(32, 32),
+        shapes=(1.0, 0, 0, 0, 0, 0, 0),
+        detail=0.0,
+        materials=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+        varying=0.0,
+        shadows=False,
+        bounce=0.0,
+        **_WHOLE,
+        **_PERFECT,
+        **_NOISELESS,
     ),
-}  # fmt: skip
+}
 
 
 def recipe(name: str | Recipe, **changes: Any) -> Recipe:
@@ -84,6 +111,12 @@ def recipe(name: str | Recipe, **changes: Any) -> Recipe:
         if key not in known:
             raise InputError(f"a recipe has no {key!r}; it has {', '.join(known)}.")
     made = dataclasses.replace(RECIPES[name] if isinstance(name, str) else name, **changes)
+    check(made)
+    return made
+
+
+def check(made: Recipe) -> None:
+    """Raise InputError where values make no sense."""
     low, high = made.lights
     if not 1 <= low <= high <= 300:
         raise InputError(f"lights are {made.lights} but 1 <= fewest <= most <= 300 is needed; change lights.")
@@ -91,4 +124,14 @@ def recipe(name: str | Recipe, **changes: Any) -> Recipe:
         raise InputError(
             f"size is {made.size} and crop {made.crop} but a size divisible by 8 and 8 <= crop <= size are needed."
         )
-    return made
+    if made.crops < 1 or made.scenes < 1:
+        raise InputError(f"crops is {made.crops} and scenes {made.scenes} but at least 1 each is needed.")
+    for key in ("shapes", "materials"):
+        shares = getattr(made, key)
+        if min(shares) < 0:
+            raise InputError(f"{key} are {shares} but shares can't be negative; change them.")
+    if len(made.shapes) != 7 or len(made.materials) != 6 or not sum(made.shapes) * sum(made.materials):
+        raise InputError(
+            f"shapes has {len(made.shapes)} shares and materials {len(made.materials)} but 7 and 6, not all zero, "
+            "are needed."
+        )

@@ -12,16 +12,16 @@ from torch import Tensor
 
 from photonormal.shading import cosines, shade
 from photonormal.synth import bounce
-from photonormal.synth.bust import Bust, busts, glazes
+from photonormal.synth.bust import busts, glazes
 from photonormal.synth.library import Library
 from photonormal.synth.lights import draw_lights
 from photonormal.synth.materials import Coats, draw_coats, dress, radiance, skins_albedo
+from photonormal.synth.meshes import draw_views
 from photonormal.synth.params import log_uniform, tensor
 from photonormal.synth.recipes import Recipe
 from photonormal.synth.sculptor import draw_solids
 from photonormal.synth.shadows import horizon
-from photonormal.synth.shapes import Solids
-from photonormal.synth.trace import Geometry, View, approach, survey
+from photonormal.synth.trace import Geometry, Solid, View, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
 PATCH, RECEIVER = 2, 4  # pixels between the samples that send and that receive bounced light
@@ -31,7 +31,7 @@ PATCH, RECEIVER = 2, 4  # pixels between the samples that send and that receive 
 class Scenes:
     """`b` drawn scenes."""
 
-    solids: Solids | Bust
+    solids: Solid
     coats: Coats
     lights: Float[Tensor, "b n 3"]
     zoom: Float[Tensor, " b"]  # width of the window over the object's
@@ -47,12 +47,12 @@ def draw_scenes(recipe: Recipe, g: np.random.Generator, b: int, n: int, shelf: L
         solids = busts(g, b)
         coats = glazes(solids)
     else:
-        solids = draw_solids(g, b, recipe.shapes, recipe.detail)
+        solids = draw_views(g, b, recipe.meshes) if recipe.meshes else draw_solids(g, b, recipe.shapes, recipe.detail)
         coats = draw_coats(g, b, recipe.materials, recipe.varying, shelf)
     return Scenes(
         solids,
         coats,
-        tensor(draw_lights(g, b, n, recipe.narrow, recipe.layout)),
+        tensor(draw_lights(g, b, n, recipe.narrow, recipe.rig)),
         tensor(np.where(near, log_uniform(g, 0.35, 0.8, b), g.uniform(1.03, 1.2, b))),
         tensor(g.random(b)),
         torch.from_numpy(g.random(b) < recipe.bounce),
@@ -82,26 +82,40 @@ def frame(scenes: Scenes, size: int) -> tuple[View, Float[Tensor, "b p"]]:
     return view, approach(scenes.solids, view, z)
 
 
-def windows(geometry: Geometry, recipe: Recipe, generator: torch.Generator) -> tuple[Int[Tensor, "b k"], Tensor]:
-    """First pixel (row * size + column) of `crops` random windows that lie on curved parts; and which scenes have them."""
-    mask, k, c = geometry.mask.float(), recipe.crops, recipe.crop
+def windows(
+    geometry: Geometry, recipe: Recipe, generator: torch.Generator
+) -> tuple[Int[Tensor, "b k"], Bool[Tensor, " b"]]:
+    """First pixels (row * size + column) of `crops` windows on curved parts, and which scenes have that many.
+
+    One half is drawn evenly, the other half prefers parts that lie below what is near them: there the shadows fall.
+    """
+    mask, k, c = geometry.mask, recipe.crops, recipe.crop
     b, s, _ = mask.shape
-    total = torch.cat([mask[:, None], geometry.normals], 1).double().cumsum(-1).cumsum(-2)
-    total = F.pad(total, (1, 0, 1, 0))  # (b, 4, s + 1, s + 1)
-    total = total[..., c:, c:] - total[..., :-c, c:] - total[..., c:, :-c] + total[..., :-c, :-c]
-    mean = (total / c**2).float()
-    coverage = mean[:, 0]  # (b, s - c + 1, s - c + 1)
-    spread = 1 - mean[:, 1:].square().sum(1) / coverage.square().clamp(min=1e-6)
     side = s - c + 1
+    below = _highest_near(torch.where(mask, geometry.height, EMPTY), c | 1) - geometry.height
+    maps = torch.cat([mask[:, None], geometry.normals, (below * mask)[:, None] / c], 1)
+    total = F.pad(maps.double().cumsum(-1).cumsum(-2), (1, 0, 1, 0))  # (b, 5, s + 1, s + 1)
+    total = total[..., c:, c:] - total[..., :-c, c:] - total[..., c:, :-c] + total[..., :-c, :-c]
+    mean = (total / c**2).float().flatten(2)  # (b, 5, side side)
+    coverage = mean[:, 0]
+    spread = 1 - mean[:, 1:4].square().sum(1) / coverage.square().clamp(min=1e-6)
     least = recipe.coverage if side > 1 else min(recipe.coverage, 0.1)  # a whole object needn't fill its frame
     good = (coverage >= least) & (spread > 0.01)
     if side == 1:
-        return torch.zeros(b, k, dtype=torch.long, device=mask.device), good.flatten(1).any(1)
-    good = good.flatten(1)
-    enough = good.sum(1) >= k
-    score = torch.rand(good.shape, generator=generator).to(mask.device) + good
-    first = score.topk(k, 1).indices
-    return first // side * s + first % side, enough
+        return torch.zeros(b, k, dtype=torch.long, device=mask.device), good[:, 0]
+    score = torch.rand((b, side**2), generator=generator).to(mask.device) + good
+    even = k - k // 2
+    first = score.topk(even, 1).indices
+    if k > even:
+        score = score + recipe.hollows * mean[:, 4].clamp(max=1)
+        first = torch.cat([first, score.scatter(1, first, -1).where(good, -1).topk(k - even, 1).indices], 1)
+    return first // side * s + first % side, good.sum(1) >= k
+
+
+def _highest_near(height: Float[Tensor, "b s s"], width: int) -> Float[Tensor, "b s s"]:
+    """Largest height in the square of `width` pixels around each pixel."""
+    h = F.max_pool2d(height[:, None], (1, width), 1, (0, width // 2))
+    return F.max_pool2d(h, (width, 1), 1, (width // 2, 0))[:, 0]
 
 
 def render(
@@ -122,17 +136,25 @@ def render(
     N, on = at(geometry.normals), at(geometry.mask[:, None])[:, 0]  # (b, 3, p + q)
     z = at(geometry.height[:, None])[:, 0]
     cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)  # (b, n, p + q)
+    lz, fall = L[..., 2:], 1.0
+    if recipe.distance is not None:  # the lamp at distance * L, in half widths of the window
+        x, y = 2 * (every % s + 0.5) / s - 1, 1 - 2 * (every // s + 0.5) / s
+        X = torch.stack([x, y, (z - _middle(geometry)) * (2 / s)], 1)  # (b, 3, p + q)
+        r2 = recipe.distance**2 - 2 * recipe.distance * (L @ X) + X.square().sum(1, keepdim=True)
+        cos_l = (recipe.distance * cos_l - (N * X).sum(1, keepdim=True)) * r2.rsqrt()
+        lz = ((recipe.distance * lz - X[:, 2:]) * r2.rsqrt())[..., :p]
+        fall = recipe.distance**2 / r2
     if recipe.shadows:
         field = torch.where(geometry.mask, geometry.height, EMPTY)
         visible = horizon(field, L).visibility(every, z)
         lit = shade(visible, cos_l)
     else:
         lit = cos_l.clamp(min=0)
-    lit = lit * on[:, None]
+    lit = lit * on[:, None] * fall
     points = at(geometry.points)  # (b, 3, p + q)
     skins = dress(scenes.coats, points[..., :p], shelf)
     albedo = skins_albedo(skins, b)  # (b, 3, p)
-    lv = (2 + 2 * L[..., 2:]).sqrt()  # |l + v|, (b, n, 1)
+    lv = (2 + 2 * lz).sqrt()  # |l + v|, (b, n, 1 or p)
     cos_v = N[:, None, 2, :p]
     cos_h = ((cos_l[..., :p] + cos_v) / lv).clamp(max=1)
     out = radiance(skins, cos_l[..., :p], cos_v, cos_h, lv / 2) * lit[:, :, None, :p]
@@ -144,10 +166,15 @@ def render(
     return out
 
 
+def _middle(geometry: Geometry) -> Float[Tensor, "b 1"]:
+    """Mean height of the surface."""
+    return (geometry.height.flatten(1).sum(1) / geometry.mask.flatten(1).sum(1).clamp(min=1))[:, None]
+
+
 def _bounced(
     scenes: Scenes, geometry: Geometry, pixels: Tensor, N: Tensor, lit: Tensor, albedo: Tensor, seed: int
 ) -> Float[Tensor, "b n 3 p"]:
-    """Light that arrives at pixels from what they see of the surface, from the lit patches (b, n, q) of albedo (b, 3, q)."""
+    """Light that reaches pixels from what they see of the surface: patches lit by (b, n, q), of albedo (b, 3, q)."""
     b, s, _ = geometry.mask.shape
     n = lit.shape[1]
     grid = torch.arange(RECEIVER // 2, s, RECEIVER, device=pixels.device)

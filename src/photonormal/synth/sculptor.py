@@ -1,4 +1,4 @@
-"""Draws random solids: plain convex ones, blobs, figures, reliefs on a wall, machined parts and turned ones."""
+"""Draws random solids: plain convex ones, blobs, figures, reliefs, machined and turned parts, and piles of things."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from photonormal.synth.params import log_uniform, rotations, tensor, unit_vector
 from photonormal.synth.shapes import FAR, Detail, Ellipsoids, Lathe, Solids
 from photonormal.synth.waves import draw_waves
 
-KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned")
+KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned", "pile")
 PARTS, HOLES, CUTS = 10, 3, 3
 
 
 def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughness: float = 1.0) -> Solids:
     """`b` solids; `mix` are the shares of KINDS, `roughness` scales all detail (0: smooth)."""
     kind = g.choice(len(KINDS), b, p=np.asarray(mix) / sum(mix))
-    plain, blobs, figure, relief, machined, turned = (kind == i for i in range(len(KINDS)))
+    plain, blobs, figure, relief, machined, turned, pile = (kind == i for i in range(len(KINDS)))
     plain_lathe = plain & (g.random(b) < 0.3)
     lathe = turned | plain_lathe
     parts = _parts(g, b, kind, plain_lathe)
     holes = Ellipsoids(
         tensor(rotations(g, (b, HOLES)) / log_uniform(g, 0.2, 0.6, (b, HOLES, 3, 1))),
-        tensor(unit_vectors(g, (b, HOLES)) * g.uniform(0.5, 1.1, (b, HOLES, 1)) * [1, 1, 0.8] + [0, 0, 0.3]),
+        tensor(unit_vectors(g, (b, HOLES)) * g.uniform(0.2, 0.8, (b, HOLES, 1)) * [1, 1, 0.4] + [0, 0, 0.5]),
         torch.full((b, HOLES), 2.0),
         torch.from_numpy(
-            ((blobs & (g.random(b) < 0.45)) | (figure & (g.random(b) < 0.3)) | (machined & (g.random(b) < 0.5)))[
+            ((blobs & (g.random(b) < 0.55)) | (figure & (g.random(b) < 0.35)) | (machined & (g.random(b) < 0.6)))[
                 :, None
             ]
             & (np.arange(HOLES) < g.integers(1, HOLES + 1, b)[:, None])
@@ -34,8 +34,9 @@ def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughnes
     cutting = ((machined & (g.random(b) < 0.75)) | (blobs & (g.random(b) < 0.15)))[:, None]
     cutting = cutting & (np.arange(CUTS) < g.integers(1, CUTS + 1, b)[:, None])
     wall_n = g.normal(size=(b, 3)) * [0.28, 0.28, 0] + [0, 0, 1]
-    wall = relief | (blobs & (g.random(b) < 0.08)) | (figure & (g.random(b) < 0.2))
+    wall = relief | (pile & (g.random(b) < 0.6)) | (figure & (g.random(b) < 0.25))
     blend = np.where(g.random(b) < 0.45, log_uniform(g, 0.008, 0.03, b), log_uniform(g, 0.03, 0.16, b))
+    blend = np.where(pile, 0.008, blend)
     return Solids(
         parts,
         holes,
@@ -44,17 +45,19 @@ def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughnes
         tensor(unit_vectors(g, (b, CUTS))),
         tensor(np.where(cutting, g.uniform(0.1, 0.7, (b, CUTS)), 2 * FAR)),
         tensor(wall_n / np.linalg.norm(wall_n, axis=-1, keepdims=True)),
-        tensor(np.where(wall, g.uniform(-0.35, 0.1, b), -2 * FAR)),
+        tensor(np.where(wall, g.uniform(-0.6, -0.05, b), -2 * FAR)),
         tensor(np.where((machined | blobs) & (g.random(b) < 0.35), g.uniform(-2.2, 2.2, b), 0.0)),
         _detail(g, b, kind, roughness),
     )
 
 
 def _parts(g: np.random.Generator, b: int, kind: np.ndarray, none: np.ndarray) -> Ellipsoids:
-    plain, blobs, figure, relief, machined, turned = (kind == i for i in range(len(KINDS)))
+    plain, blobs, figure, relief, machined, _, pile = (kind == i for i in range(len(KINDS)))
     lone = plain[:, None]
     ball = lone & (g.random((b, 1)) < 0.4)
-    size = np.where(lone, g.uniform(0.75, 1.0, (b, PARTS)), log_uniform(g, 0.22, 0.62, (b, PARTS)))
+    size = np.where(
+        lone, g.uniform(0.75, 1.0, (b, PARTS)), log_uniform(g, 0.22, np.where(pile, 0.42, 0.62)[:, None], (b, PARTS))
+    )
     stretch = log_uniform(g, np.where(figure, 0.45, 0.65)[:, None, None], 1 / 0.65, (b, PARTS, 3))
     stretch[..., 1] *= np.where(figure[:, None], log_uniform(g, 1.0, 2.0, (b, PARTS)), 1)
     stretch = np.where(ball[..., None], 1, stretch)
@@ -64,15 +67,17 @@ def _parts(g: np.random.Generator, b: int, kind: np.ndarray, none: np.ndarray) -
     c[:, 0] *= 0.2
     c[relief] *= [1.2, 1.2, 0.25]
     c[figure] *= [0.75, 1.25, 0.75]
+    c[pile] *= [1.25, 1.25, 0.8]
     c[plain] = 0
     count = np.select(
-        [plain, blobs, figure, relief, machined],
-        [1, g.integers(3, PARTS, b), g.integers(5, PARTS + 1, b), g.integers(2, PARTS, b), g.integers(1, 5, b)],
+        [plain, blobs, figure | pile, relief, machined],
+        [1, g.integers(3, PARTS, b), g.integers(6, PARTS + 1, b), g.integers(2, PARTS, b), g.integers(1, 5, b)],
         g.integers(0, 3, b),
     )
     count = np.where(none, 0, count)
     boxy = np.where(
-        (machined[:, None] & (g.random((b, PARTS)) < 0.8)) | (g.random((b, PARTS)) < 0.06),
+        (machined[:, None] & (g.random((b, PARTS)) < 0.8))
+        | (g.random((b, PARTS)) < np.where(pile & (g.random(b) < 0.4), 0.6, 0.05)[:, None]),
         g.choice([4.0, 8.0], (b, PARTS)),
         2.0,
     )
@@ -91,7 +96,7 @@ def _lathe(g: np.random.Generator, on: np.ndarray, smooth: np.ndarray) -> Lathe:
     f = log_uniform(g, 1.5, 14.0, (b, 4))
     slope = np.where(smooth[:, None], 0.25, 0.5) * g.uniform(-1, 1, (b, 4))
     fluted = ~smooth & (g.random(b) < 0.3)
-    hollow = ~smooth & (g.random(b) < 0.45)
+    hollow = ~smooth & (g.random(b) < 0.6)
     tilt = np.where(hollow, g.uniform(0.5, 1.2, b), g.normal(0, 0.6, b))  # towards the camera: into a bowl
     roll = g.uniform(0, 2 * np.pi, b)
     spin = np.where(hollow, g.normal(0, 0.5, b), roll)
@@ -121,12 +126,13 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
 
 
 def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) -> Detail:
-    plain, _, figure, relief, _, turned = (kind == i for i in range(len(KINDS)))
+    plain, _, figure, relief, _, turned, pile = (kind == i for i in range(len(KINDS)))
     frequency = np.stack([log_uniform(g, 2.5, 6, b), log_uniform(g, 8, 20, b), log_uniform(g, 30, 70, b)], -1)
     scale = (
         roughness
         * np.where(plain, (g.random(b) < 0.15) * 0.3, 1.0)
         * np.where(g.random(b) < 0.15, 0.0, g.uniform(0.25, 0.9, b))
+        * np.where(pile, 0.6, 1)
     )
     rich = 1 + 0.4 * (figure | relief)
 
@@ -139,7 +145,9 @@ def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) 
     fold = log_uniform(g, 8, 26, b)
     direction = unit_vectors(g, (b,)) * [1, 0.5, 0.5]
     return Detail(
-        *(draw_waves(g, frequency[:, i : i + 1], 10, 1.3) for i in range(3)),
+        draw_waves(g, frequency[:, 0:1], 10, 1.3),
+        draw_waves(g, frequency[:, 1:2], 10, 1.3),
+        draw_waves(g, frequency[:, 2:3], 10, 1.3),
         tensor(slope / frequency),
         tensor(sometimes(0.22, 0.3, 0.9) * g.choice([-1, 1], b) / frequency[:, 1]),
         tensor(sometimes(0.2, 0.02, 0.06)),

@@ -6,12 +6,13 @@ import math
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.synth.params import tensor
 from photonormal.synth.recipes import Recipe
 
+SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
 Pictures = Float[Tensor, "c n 3 h w"]
 
 
@@ -53,6 +54,46 @@ def turned(L: np.ndarray, g: np.random.Generator, sigma_deg: np.ndarray) -> np.n
     return np.where(wrong[..., 2:] > 0.02, wrong, L)
 
 
+def soften(
+    I: Pictures, height: Float[Tensor, "c h w"], mask: Bool[Tensor, "c h w"], generator: torch.Generator
+) -> Pictures:
+    """Mix pixels on occluding edges with what lies beyond, as a pixel that covers both does.
+
+    The own surface fills at least half of such a pixel, since its centre is on it.
+    """
+    h, w = I.shape[-2:]
+    z = torch.where(mask, height, -1e3)
+    padded = torch.nn.functional.pad(z[:, None], (1, 1, 1, 1), mode="replicate")[:, 0]
+    drop = torch.stack([padded[:, 1 + dr : 1 + dr + h, 1 + dc : 1 + dc + w] for dr, dc in SIDES]) - z  # (4, c, h, w)
+    jump, side = drop.abs().max(0)
+    slope = drop.abs().sort(0).values[1]  # of a steep but unbroken surface the opposite sides are alike
+    window, row, col = (mask & (jump > 2.5 + 2 * slope)).nonzero().unbind(1)
+    if len(window) == 0:
+        return I
+    step = torch.tensor(SIDES, device=I.device)[side[window, row, col]]
+    beyond = I[window, :, :, (row + step[:, 0]).clamp(0, h - 1), (col + step[:, 1]).clamp(0, w - 1)]  # (e, n, 3)
+    share = 0.5 * torch.rand(len(window), 1, 1, generator=generator, device=I.device)
+    out = I.clone()
+    out[window, :, :, row, col] = torch.lerp(I[window, :, :, row, col], beyond, share)
+    return out
+
+
+def blur(I: Pictures, share: Float[Tensor, " c"]) -> Pictures:
+    """Give the share, up to 1/4, of each pixel's light to either side in rows and columns: a lens not quite sharp."""
+    some = (share > 0).nonzero()[:, 0]
+    if len(some) == 0:
+        return I
+    x, a = I[some], share[some].view(-1, 1, 1, 1, 1)
+    for axis in (3, 4):
+        last = x.shape[axis] - 1
+        sides = torch.cat([x.narrow(axis, 0, 1), x.narrow(axis, 0, last)], axis)
+        sides += torch.cat([x.narrow(axis, 1, last), x.narrow(axis, last, 1)], axis)
+        x = torch.addcmul(x * (1 - 2 * a), sides, a.expand_as(sides))
+    I = I.clone()
+    I[some] = x
+    return I
+
+
 def corrupt(I: Pictures, share: Float[np.ndarray, " c"], g: np.random.Generator) -> Pictures:
     """In the share of each window's images a half or a patch is dimmed or brightened, or the image is shifted."""
     if not (share > 0).any():
@@ -84,9 +125,18 @@ def corrupt(I: Pictures, share: Float[np.ndarray, " c"], g: np.random.Generator)
 
 
 def measured(
-    I: Pictures, L: Float[Tensor, "b n 3"], recipe: Recipe, g: np.random.Generator, generator: torch.Generator
+    I: Pictures,
+    L: Float[Tensor, "b n 3"],
+    height: Tensor,
+    mask: Tensor,
+    recipe: Recipe,
+    g: np.random.Generator,
+    generator: torch.Generator,
 ) -> tuple[Pictures, Float[Tensor, "c n 3"]]:
-    """What a camera makes of the windows of `b` scenes, and the lights as somebody measured them."""
+    """What a camera makes of the windows of `b` scenes, and the lights as somebody measured them.
+
+    `height` and `mask` are (c, h, w).
+    """
     b, n, _ = L.shape
     c = len(I) // b  # windows of each scene
     device = I.device
@@ -94,6 +144,10 @@ def measured(
     def drawn(values: np.ndarray) -> Tensor:
         return tensor(values.astype(float)).to(device)
 
+    if recipe.smooth_edges:
+        I = soften(I, height, mask, generator)
+    if recipe.blurred:
+        I = blur(I, drawn(0.2 * g.random(b) * (g.random(b) < recipe.blurred)).repeat_interleave(c))
     I = expose(I, c, drawn(recipe.saturated * g.random(b) ** 2))
     if recipe.intensity_error:
         error = recipe.intensity_error * g.random((b, 1)) * g.normal(size=(b, n))

@@ -19,8 +19,8 @@ from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Recipe, recipe
 from photonormal.synth.scene import Scenes, draw_scenes, frame, render, windows
-from photonormal.synth.trace import View, visible_surface
 from photonormal.synth.sensor import measured
+from photonormal.synth.trace import View, visible_surface
 from photonormal.types import InputError
 
 T = TypeVar("T")
@@ -91,7 +91,8 @@ def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, sample
         while missing > 0:
             scenes = -(-missing // recipe.crops)
             sizes = [min(size, scenes - first) for first in range(0, scenes, size)]
-            tasks = [partial(render_group, recipe, (seed, k, count + i), b, n, device) for i, b in enumerate(sizes)]
+            keys = [(seed, k, count + i) for i in range(len(sizes))]
+            tasks = [partial(render_group, recipe, key, b, n, device) for key, b in zip(keys, sizes, strict=True)]
             parts += (new := [part for group in work(tasks) for part in group])
             missing -= sum(len(part.mask) for part in new)
             count += len(tasks)
@@ -114,7 +115,7 @@ def lights_of(recipe: Recipe, seed: int, k: int) -> int:
 
 @contextmanager
 def workers(device: torch.device) -> Iterator[Callable[[list[Callable[[], T]]], Iterable[T]]]:
-    """Runs tasks: one after the other on a GPU; on as many threads as torch uses, each on one core, on the processor."""
+    """Runs tasks: on a GPU in turn; on the processor on as many threads as torch uses, each with one core."""
     n = torch.get_num_threads()
     if device.type != "cpu" or n == 1:
         yield lambda tasks: (task() for task in tasks)
@@ -154,7 +155,11 @@ def render_windows(
     pixels = (corner[..., None] + offsets).flatten(1)  # (b, c w w)
     I = render(scenes, geometry, pixels, recipe, shelf, seed)  # (b, n, 3, c w w)
     I = I.view(b, n, 3, c, w, w).movedim(3, 1).flatten(0, 1)  # (b c, n, 3, w, w)
-    N = at_points(geometry.normals, pixels).view(b, 3, c, w, w).transpose(1, 2).flatten(0, 1)
-    mask = at_points(geometry.mask[:, None], pixels).view(b, 1, c, w, w).transpose(1, 2).flatten(0, 1)
-    I, L = measured(I * mask[:, None], scenes.lights, recipe, g, torch.Generator(device).manual_seed(seed))
+
+    def cut(maps: Tensor) -> Tensor:
+        return at_points(maps, pixels).view(b, -1, c, w, w).transpose(1, 2).flatten(0, 1)  # (b c, k, w, w)
+
+    N, mask, height = cut(geometry.normals), cut(geometry.mask[:, None]), cut(geometry.height[:, None])
+    generator = torch.Generator(device).manual_seed(seed)
+    I, L = measured(I * mask[:, None], scenes.lights, height[:, 0], mask[:, 0], recipe, g, generator)
     return Batch(I * mask[:, None], L, N, mask)

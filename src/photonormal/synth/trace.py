@@ -10,8 +10,10 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.synth.bust import Bust
+from photonormal.synth.meshes import MeshViews
 from photonormal.synth.shapes import Solids
 
+Solid = Solids | Bust | MeshViews
 Field = Callable[[Tensor], Tensor]  # (b, 3, p) -> (b, p)
 
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
@@ -50,17 +52,23 @@ class Geometry:
     points: Float[Tensor, "b 3 s s"]  # in the solid's own units, for textures
 
 
-def survey(solids: Solids | Bust, b: int, device: torch.device) -> tuple[View, Float[Tensor, "b c"]]:
+def survey(solids: Solid, b: int, device: torch.device) -> tuple[View, Float[Tensor, "b c"]]:
     """A coarse, wide view of whole solids: depths above which there is nothing, -inf where there is nothing at all."""
     view = View(torch.zeros(b, 2, device=device), torch.full((b,), WIDE, device=device), CELLS)
+    if isinstance(solids, MeshViews):
+        return view, solids.surface(view.centre, view.half, CELLS)[0][:, 0].flatten(1)
     solids = solids.trimmed()
     x, y = view.rays(CELLS)
     px = view.pixel[:, None]
-    return view, _approach(solids.base, x, y, 0.71 * px + solids.detail.bound()[:, None], 0.7 * px, REACH)
+    return view, _approach(
+        solids.base, x, y, 0.71 * px + solids.detail.bound()[:, None], 0.7 * px, torch.full_like(x, REACH)
+    )
 
 
-def approach(solids: Solids | Bust, view: View, start: Float[Tensor, "b c"]) -> Float[Tensor, "b p"]:
+def approach(solids: Solid, view: View, start: Float[Tensor, "b c"]) -> Float[Tensor, "b p"]:
     """Depth at which each pixel's ray may begin, from a survey's answer: blocks of pixels share their way there."""
+    if isinstance(solids, MeshViews):
+        return start.new_zeros(len(start), 1)
     solids = solids.trimmed()
     s, px = view.size, view.pixel[:, None]
     x, y = view.rays(s // COARSE)
@@ -71,10 +79,15 @@ def approach(solids: Solids | Bust, view: View, start: Float[Tensor, "b c"]) -> 
     return z.repeat_interleave(COARSE, 1).repeat_interleave(COARSE, 2).flatten(1)
 
 
-def visible_surface(solids: Solids | Bust, view: View, start: Float[Tensor, "b p"]) -> Geometry:
+def visible_surface(solids: Solid, view: View, start: Float[Tensor, "b p"]) -> Geometry:
     """March each ray from where `approach` lets it begin to the surface, then false position on the bracketed root."""
-    solids = solids.trimmed()
     s, px = view.size, view.pixel[:, None]
+    if isinstance(solids, MeshViews):
+        maps, points = solids.surface(view.centre, view.half, s)
+        mask = (maps[:, 0] > -torch.inf) & (maps[:, 3] > 0.01)
+        height = torch.where(mask, maps[:, 0] / px[..., None], 0.0)
+        return Geometry(height, maps[:, 1:] * mask[:, None], mask, points)
+    solids = solids.trimmed()
     x, y = view.rays(s)
     z, hit = _cross(solids, x, y, start, 0.4 * px)
     p = torch.stack([x, y, z], 1)  # (b, 3, p)
@@ -109,10 +122,9 @@ def _surveyed(start: Float[Tensor, "b c"], x: Tensor, y: Tensor, width: Tensor) 
 
 
 def _approach(
-    base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tensor, z: Tensor | float, rounds: int = 8
+    base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tensor, z: Tensor, rounds: int = 8
 ) -> Float[Tensor, "b p"]:
     """Depth down to which no ray within `spread` of (x, y) has met a surface; -inf where there is none at all."""
-    z = torch.full_like(x, z) if isinstance(z, float) else z
     found = torch.zeros_like(x, dtype=torch.bool)
     active = z > -REACH
     for _ in range(rounds):  # rays that have arrived are dropped between rounds

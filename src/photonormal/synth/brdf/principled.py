@@ -1,4 +1,4 @@
-"""A principled family that needs no measurement: B. Burley, Physically-based shading at Disney, SIGGRAPH course 2012."""
+"""A principled family that needs no measurement: B. Burley, Physically based shading at Disney, SIGGRAPH 2012."""
 
 from __future__ import annotations
 

@@ -1,0 +1,38 @@
+"""Contact sheets of rendered samples, for a person to judge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from photonormal.synth.stream import Batch
+
+GAP = 2  # pixels between samples
+
+
+def contact_sheet(batches: list[Batch], columns: int = 3, pictures: int = 3) -> UInt8[np.ndarray, "h w 3"]:
+    """For each sample its normals and `pictures` of its images, brightened to be looked at; `columns` samples a row."""
+    tiles = [tile for batch in batches for tile in _tiles(batch, pictures)]
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % columns)
+    rows = [np.concatenate(tiles[i : i + columns], 1) for i in range(0, len(tiles), columns)]
+    return (np.concatenate(rows) * 255).round().astype(np.uint8)
+
+
+def _tiles(batch: Batch, pictures: int) -> list[Float[np.ndarray, "h w 3"]]:
+    tiles = []
+    for I, N, mask in zip(batch.images, batch.normals, batch.mask, strict=True):
+        chosen = np.linspace(0, len(I) - 1, min(pictures, len(I))).round().astype(int)
+        bright = np.quantile(I.amax(1)[:, mask[0]].cpu().numpy(), 0.97)
+        images = [(I[j].cpu().numpy() / max(bright, 1e-6)).clip(0, 1) ** (1 / 2.2) for j in chosen]
+        tile = np.concatenate([((N * 0.5 + 0.5) * mask).cpu().numpy(), *images], -1)
+        tiles.append(np.pad(tile, ((0, 0), (0, GAP), (0, GAP))).transpose(1, 2, 0))
+    return tiles
+
+
+def write_sheet(path: Path, sheet: UInt8[np.ndarray, "h w 3"]) -> None:
+    """PNG of a contact sheet."""
+    import cv2
+
+    cv2.imwrite(str(path), cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])

@@ -20,8 +20,9 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "export": BASE,
     "synth": BASE | {"capture", "progress"},
     "train": BASE | {"capture", "solve", "score", "synth", "progress"},
-    "rig": BASE | {"capture", "calibrate", "export", "progress"},
-    "measure": BASE | {"capture", "solve", "integrate", "score", "export", "progress"},
+    "check": BASE | {"calibrate"},
+    "rig": BASE | {"capture", "calibrate", "check", "export", "progress"},
+    "measure": BASE | {"capture", "solve", "integrate", "score", "export", "progress", "check"},
 }
 
 

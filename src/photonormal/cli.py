@@ -184,6 +184,49 @@ class Calibrate:
 
 
 @dataclass(frozen=True)
+class Check:
+    """What is wrong with a capture, before it is measured: exposure, lights, motion, and what to do."""
+
+    capture: Positional[Path]
+    """Folder with photographs and lights, an .lp file, or `demo`."""
+    out: Path | None = None
+    """Folder for a report, a polar plot of the lights, and corrected lights where other ones fit the photographs."""
+    images: str = ""
+    """Subset of the photographs by number, such as 1-10,15; all by default."""
+    format: str = "auto"
+    """Layout of the capture."""
+    lights: Path | None = None
+    """File with light directions, instead of the capture's own."""
+    mask: Path | None = None
+    """Mask picture, white on the object, instead of the capture's own."""
+    srgb: bool = False
+    """The photographs are sRGB-encoded and have to be linearised."""
+    overwrite: bool = False
+    """Write into a folder that exists and is no result of photonormal."""
+
+    def __call__(self) -> int:
+        from photonormal.rig import check
+
+        found, files = check(
+            self.capture,
+            self.out,
+            overwrite=self.overwrite,
+            format=self.format,
+            images=self.images,
+            lights=self.lights,
+            mask=self.mask,
+            srgb=self.srgb,
+        )
+        for finding in found:
+            print(f"{'grave' if finding.grave else 'note'}: {finding.kind}: {finding.message}")
+        if not found:
+            print("nothing wrong was found")
+        if files:
+            print(", ".join(str(f) for f in files))
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -202,6 +245,7 @@ Command = (
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Integrate, tyro.conf.subcommand("integrate")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+    | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )
 

@@ -23,6 +23,7 @@ from photonormal.score import error_picture, score
 from photonormal.solve import DEFAULT, configure
 from photonormal.types import Capture, Normals, cores
 
+GREY_PIXELS, FRAME_PIXELS = 2_000, 20_000  # that suffice to tell a wrong order and a wrong frame of the lights
 WARN_PERCENT = 5.0  # saturated or zero samples above which a report warns
 
 
@@ -83,7 +84,7 @@ def measure(
     with whole_folder(Path(out), overwrite) as folder:
         with _stage("read", seconds):
             photographs = load(capture, **how)
-            exposure = _read(photographs)
+            exposure, grey = _read(photographs)
         with _stage("solve", seconds), progress(f"normals by {method}"):
             from photonormal.solve.observations import torch_device
 
@@ -100,7 +101,7 @@ def measure(
         with _stage("export", seconds), progress("writing"):
             _export(folder, photographs, normals, albedo, surface)
         dark = int(photographs.mask.sum()) - int(normals.mask.sum())
-        warnings = exposure.warnings()
+        warnings = exposure.warnings() + _disagreements(photographs, grey, normals)
         if dark:
             warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
         report = {
@@ -134,21 +135,33 @@ def read_camera(path: Path | None) -> np.ndarray | None:
     return read_table(path)
 
 
-def _read(capture: Capture) -> Exposure:
-    """Decode every picture once, in threads, and count what is saturated or zero."""
+def _read(capture: Capture) -> tuple[Exposure, np.ndarray]:
+    """Decode every picture once, in threads, count what is saturated or zero, and keep some grey levels (p, n)."""
     n, _, _, c = capture.images.shape
+    step = max(1, int(capture.mask.sum()) // GREY_PIXELS)
     with progress(f"reading {n} images", n) as advance:
 
-        def count(j: int, image: np.ndarray) -> tuple[int, int]:
+        def count(j: int, image: np.ndarray) -> tuple[int, int, np.ndarray]:
             samples = image[capture.mask]  # (p, c)
             # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
             white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
             advance()
-            return int((samples >= white).sum()), int((samples <= 0).sum())
+            return int((samples >= white).sum()), int((samples <= 0).sum()), samples[::step].mean(-1)
 
-        saturated, zero = np.sum(capture.map_images(count), axis=0)
+        saturated, zero, grey = zip(*capture.map_images(count), strict=True)
     total = n * c * int(capture.mask.sum())
-    return Exposure(round(100 * float(saturated) / total, 3), round(100 * float(zero) / total, 3))
+    exposure = Exposure(round(100 * sum(saturated) / total, 3), round(100 * sum(zero) / total, 3))
+    return exposure, np.stack(grey, axis=-1)
+
+
+def _disagreements(capture: Capture, grey: np.ndarray, normals: Normals) -> list[str]:
+    """What the doctor finds gravely wrong with the lights, on a grid of the normals' pixels."""
+    if capture.lights is None:
+        return []
+    from photonormal.check.lights import grave
+
+    step = max(1, int(np.sqrt(normals.mask.sum() / FRAME_PIXELS)))
+    return grave(grey, normals.map[::step, ::step], normals.mask[::step, ::step], capture.lights)
 
 
 def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any) -> None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,13 +14,17 @@ import photonormal
 from photonormal.calibrate.circle import Circle
 from photonormal.calibrate.mirror import mean_directions, nearest_point
 from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
+from photonormal.capture import load
 from photonormal.capture.assemble import find_mask, find_pictures
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.texts import read_lines
-from photonormal.export.folder import write
+from photonormal.export.folder import REPORT, write
 from photonormal.geometry import angle_deg
 from photonormal.progress import progress
 from photonormal.types import InputError
+
+if TYPE_CHECKING:
+    from photonormal.check.finding import Finding
 
 AUTO = "AUTO"  # the spheres are in the object's own photographs
 
@@ -126,6 +130,46 @@ def calibrate(
     write(files["picture"], encode_png(beside(pictures)))
     write(files["lp"], text.lp(names, L))
     return content | {"files": [str(p) for p in files.values()]}
+
+
+def check(
+    capture: str | Path, out: str | Path | None = None, overwrite: bool = False, **how: Any
+) -> tuple[list[Finding], list[Path]]:
+    """What is wrong with a capture, grave findings first, and the files written.
+
+    Parameters
+    ----------
+    capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
+    out : folder for report.json, a polar plot of the lights, and corrected lights where other ones fit; None: no files
+    """
+    from photonormal.calibrate import files as text
+    from photonormal.check import check as findings_of
+    from photonormal.check.coverage import polar_plot
+    from photonormal.export.folder import whole_folder
+    from photonormal.export.normal_maps import encode_png
+
+    photographs = load(capture, **how)
+    with progress("checking"):
+        found = findings_of(photographs)
+    if out is None:
+        return found, []
+    with whole_folder(Path(out), overwrite) as folder:
+        names, L = photographs.image_names, photographs.lights
+        content = {
+            "photonormal": photonormal.__version__,
+            "capture": photographs.name,
+            "images": list(names),
+            "findings": [f.as_dict() for f in found],
+        }
+        (folder / REPORT).write_bytes(text.report(content))
+        if L is not None:
+            (folder / "lights.png").write_bytes(encode_png(polar_plot(L)))
+        fixed = next((f.lights for f in found if f.lights is not None), None)
+        if fixed is not None:
+            (folder / "corrected.lp").write_bytes(text.lp(names, fixed))
+            (folder / "corrected.png").write_bytes(encode_png(polar_plot(fixed)))
+        written = [Path(out) / p.name for p in sorted(folder.iterdir())]
+    return found, written
 
 
 def numbered_pictures(folder: Path) -> list[Path]:

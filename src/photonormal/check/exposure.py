@@ -1,0 +1,116 @@
+"""Saturation, darkness, bits and encoding of the photographs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photonormal.calibrate.intensities import SHADOW, robust_normals
+from photonormal.check.finding import Finding, listed
+from photonormal.check.samples import Samples
+from photonormal.types import Capture
+
+SATURATED = 0.05  # of a picture's samples
+BLACK = 0.05  # level of a picture, as part of the median of all, below which its lamp was off
+ZERO = 0.25  # of all samples
+DIM = 0.04  # median level, as part of full scale, below which 8 bits quantise by more than five per cent
+ENCODED = 0.8  # misfit of linearised samples, as part of the misfit of samples as they are
+PIXELS = 1500
+
+
+def saturation(samples: Samples, capture: Capture) -> list[Finding]:
+    """Pictures that reach white."""
+    bad = np.flatnonzero(samples.saturated > SATURATED)
+    if not bad.size:
+        return []
+    worst = bad[np.argsort(-samples.saturated[bad])]
+    names = [capture.image_names[j] for j in worst]
+    return [
+        Finding(
+            "saturation",
+            bool(samples.saturated.mean() > SATURATED),
+            f"{len(bad)} pictures are saturated on more than {100 * SATURATED:.0f} % of the object ({listed(names)}; "
+            f"up to {100 * samples.saturated[worst[0]]:.0f} %); expose them less, or trim highlights.",
+            {"pictures": names, "saturated_percent": round(100 * float(samples.saturated.mean()), 2)},
+        )
+    ]
+
+
+def darkness(samples: Samples, capture: Capture) -> list[Finding]:
+    """Pictures without light, and objects that most pictures leave black."""
+    found = []
+    black = np.flatnonzero(samples.I.mean(0) < BLACK * np.median(samples.I.mean(0)))
+    if black.size:
+        names = [capture.image_names[j] for j in black]
+        found.append(
+            Finding(
+                "darkness",
+                True,
+                f"{len(black)} pictures are black ({listed(names)}): their lamps were off or point elsewhere; leave "
+                "them and their lights out, or photograph them again.",
+                {"pictures": names},
+            )
+        )
+    zero = float(np.delete(samples.zero, black).mean()) if black.size < len(samples.zero) else 0.0
+    if zero > ZERO:
+        found.append(
+            Finding(
+                "darkness",
+                True,
+                f"{100 * zero:.0f} % of the samples are zero; expose more, keep more bits, or check that the mask "
+                "covers the object only.",
+                {"zero_percent": round(100 * zero, 2)},
+            )
+        )
+    return found
+
+
+def bits(samples: Samples, capture: Capture) -> list[Finding]:
+    """Pictures of eight bits, and whether they hold enough of them."""
+    if samples.bits != 8:
+        return []
+    level = float(np.median(samples.level))
+    clipped = float(samples.saturated.mean()) > SATURATED / 5 or float(samples.zero.mean()) > ZERO / 2
+    dim = level < DIM
+    if not (dim or clipped):
+        return []
+    kind = (
+        "16-bit files hold 8-bit samples" if getattr(capture.images, "dtype", None) == np.uint16 else "8-bit pictures"
+    )
+    what = f"half of the samples lie below level {255 * level:.0f} of 255" if dim else "clipped at black or white"
+    return [
+        Finding(
+            "bits",
+            dim,
+            f"{kind}, {what}; photograph RAW or export 16-bit TIFF or PNG"
+            f"{', and expose more' if dim else ', and keep highlights and shadows inside the range'}.",
+            {"bits": 8, "median_level": round(level, 4)},
+        )
+    ]
+
+
+def encoding(samples: Samples, L: np.ndarray) -> list[Finding]:
+    """Eight-bit pictures that fit the linear model better once they are linearised."""
+    if samples.bits != 8:
+        return []
+    I = samples.I[:: max(1, len(samples.I) // PIXELS)] / max(float(samples.I.max()), 1e-12)
+    linear = np.where(I <= 0.04045, I / 12.92, ((I + 0.055) / 1.055) ** 2.4)
+    as_is, decoded = _misfit(I, L), _misfit(linear, L)
+    if decoded > ENCODED * as_is:
+        return []
+    return [
+        Finding(
+            "encoding",
+            False,
+            f"the pictures look sRGB-encoded: linearised they fit a matt surface {as_is / max(decoded, 1e-9):.1f} "
+            "times better; add --srgb, or export linear pictures.",
+            {"misfit": round(as_is, 5), "misfit_linearised": round(decoded, 5)},
+        )
+    ]
+
+
+def _misfit(I: np.ndarray, L: np.ndarray) -> float:
+    """Median of |I - l.b| / |b| over lit samples."""
+    lit = I > SHADOW * np.quantile(I, 0.99)
+    b = robust_normals(I, L, lit)
+    r = np.abs(I - b @ L.T) / np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
+    return float(np.median(r[lit])) if lit.any() else 0.0

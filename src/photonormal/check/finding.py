@@ -1,0 +1,37 @@
+"""What the doctor says about a capture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or may be.
+
+    Parameters
+    ----------
+    kind : saturation, darkness, bits, encoding, coverage, order, frame, intensities, motion or ambient
+    grave : it spoils the normals; otherwise it limits how good they can get
+    message : what was found and what to do, one line
+    numbers : the figures behind it
+    lights : (n, 3) directions that fit the pictures better, where there are some
+    """
+
+    kind: str
+    grave: bool
+    message: str
+    numbers: dict[str, Any] = field(default_factory=dict)
+    lights: np.ndarray | None = field(default=None, repr=False)
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {"kind": self.kind, "grave": self.grave, "message": self.message, **self.numbers}
+
+
+def listed(names: list[str], most: int = 3) -> str:
+    """Some of the names, and a sign that there are more."""
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

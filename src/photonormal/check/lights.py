@@ -1,0 +1,147 @@
+"""Lights that disagree with the pictures: their order, their frame, their intensities, and light that stays on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.calibrate.intensities import self_calibrated
+from photonormal.check.finding import Finding, listed
+from photonormal.check.frame import GIVEN, best_frame, wrong_frame
+from photonormal.check.order import Orders, name_of
+from photonormal.geometry import normalised
+
+PIXELS = 1200  # that intensities and ambient light are estimated from
+OFF = 1.25  # factor by which a light's intensity may be off before it is said
+SPREADS = 4.0  # and how many spreads of the other lights' factors
+AMBIENT = 0.06  # brightness in attached shadow, as part of a pixel facing its light, above which it is said
+FACING_AWAY = -0.15  # n.l of what lies in attached shadow for certain
+BAD_ORDER = 0.35  # misfit of the given order, 1 is chance: right ones stayed below 0.23 on real objects
+LEAST = 100  # samples in attached shadow at least
+
+
+def disagreement(
+    I: Float[np.ndarray, "p n"], mask: Bool[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"], names: Sequence[str]
+) -> list[Finding]:
+    """The order or the frame of the lights, where another one fits the pictures; both where both are wrong."""
+    orders = Orders.of(I, L)
+    better = orders.better(names)
+    if better:
+        return [_reordered(I, mask, L, names, orders, better)]
+    found = wrong_frame(normal_map(I, mask, L), mask, L)
+    return [] if found is None else [found]
+
+
+def grave(
+    I: Float[np.ndarray, "p n"],
+    N: Float[np.ndarray, "h w 3"],
+    mask: Bool[np.ndarray, "h w"],
+    L: Float[np.ndarray, "n 3"],
+) -> list[str]:
+    """The grave ones of `disagreement` at little cost, for normals already measured and grey levels of some pixels.
+
+    Other orders are not tried, only whether the given one is as bad as chance.
+    """
+    misfit = Orders.of(I, L).misfit(np.arange(len(L))) if len(L) >= 5 else 0.0
+    if misfit > BAD_ORDER:
+        return [
+            f"the lights explain the pictures badly (misfit {misfit:.2f}, 1 is chance): their order may be wrong; run "
+            "`photonormal check` on this capture."
+        ]
+    found = wrong_frame(N, mask, L)
+    return [] if found is None else [f"{found.message} `photonormal check` writes corrected lights."]
+
+
+def normal_map(
+    I: Float[np.ndarray, "p n"], mask: Bool[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "h w 3"]:
+    """Least-squares normals on the mask, zero outside."""
+    N = np.zeros((*mask.shape, 3))
+    N[mask] = normalised(I @ np.linalg.pinv(L).T)
+    return N
+
+
+def _reordered(
+    I: np.ndarray, mask: np.ndarray, L: np.ndarray, names: Sequence[str], orders: Orders, better: list[np.ndarray]
+) -> Finding:
+    """Of equally good orders the first that needs no other frame; else the first, with its frame corrected."""
+    fixed, frames = [], []
+    for order in better:
+        lights = np.empty_like(L)
+        lights[order] = L  # light i belongs to picture order[i]
+        fixed.append(lights)
+        frames.append(best_frame(normal_map(I, mask, lights), mask)[0])
+    k = next((k for k, frame in enumerate(frames) if frame == GIVEN), 0)
+    also = "" if frames[k] == GIVEN else f", and {frames[k].name()}"
+    before, after = orders.misfit(np.arange(len(L))), orders.misfit(better[k])
+    return Finding(
+        "order",
+        True,
+        f"the lights are not in the pictures' order: {name_of(better[k], names)} fits{also} (misfit {after:.2f} "
+        f"instead of {before:.2f}, 1 is chance); put the lights' file in that order, or use the corrected one.",
+        {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(better[k], names)},
+        lights=fixed[k] @ frames[k].matrix().T,
+    )
+
+
+def intensities(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"], names: Sequence[str]) -> list[Finding]:
+    """Lights brighter or darker than given, by the object's own shading."""
+    J = I[_spread(len(I), PIXELS)]
+    e, _ = self_calibrated(J[J.max(1) > 0], L)
+    factor = e / np.median(e)
+    spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
+    off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
+    if spread > np.log(OFF):
+        return [
+            Finding(
+                "intensities",
+                True,
+                f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
+                "give light_intensities.txt, or calibrate them.",
+                {"factors": [round(float(f), 4) for f in factor]},
+            )
+        ]
+    if not off.size:
+        return []
+    worst = off[np.argsort(-np.abs(np.log(factor[off])))]
+    text = listed([f"{names[j]} x {factor[j]:.2f}" for j in worst])
+    return [
+        Finding(
+            "intensities",
+            False,
+            f"{len(off)} lights are brighter or darker than given ({text}); correct light_intensities.txt or the "
+            "exposure, or leave those pictures out.",
+            {"factors": [round(float(f), 4) for f in factor]},
+        )
+    ]
+
+
+def ambient(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> list[Finding]:
+    """Light that stays on: what faces away from a light is not black."""
+    from photonormal.calibrate.intensities import SHADOW, robust_normals
+
+    J = I[_spread(len(I), PIXELS)]
+    J = J[J.max(1) > 0]
+    b = robust_normals(J, L, J > SHADOW * np.quantile(J, 0.99))
+    size = np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
+    shadow = (b / size) @ L.T < FACING_AWAY
+    if shadow.sum() < LEAST:
+        return []
+    level = float(np.median((J / size)[shadow]))
+    if level < AMBIENT:
+        return []
+    return [
+        Finding(
+            "ambient",
+            level > 2 * AMBIENT,
+            f"what faces away from its light still shows {100 * level:.0f} % of full brightness: other light is on, or "
+            "black is not at zero; darken the room, or subtract a picture taken with all lights off.",
+            {"shadow_level": round(level, 4)},
+        )
+    ]
+
+
+def _spread(p: int, count: int) -> slice:
+    return slice(None, None, max(1, p // count))

@@ -1,0 +1,100 @@
+"""One pass over a capture's pictures: what every test of the doctor needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.types import Capture
+
+PIXELS = 40_000  # at most, on a regular grid: slopes of the normals need neighbours
+EDGE_SIZE = 400  # longest side of the pictures whose edges tell motion
+CAP = 0.995  # quantile of all samples above which they are cut: highlights say nothing of the order
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Grey levels of `n` pictures and counts of what their sensors could not hold.
+
+    Parameters
+    ----------
+    I : (p, n) grey levels on the grid's pixels inside the mask
+    mask : (h, w) bool, the grid; `step` pixels of the photographs apart
+    saturated, zero : (n,) fraction of the mask's samples
+    level : (n,) median grey level inside the mask, as a fraction of full scale
+    edges : (n, a, b) strength of the pictures' edges, in [0, 1], in the mask's box at `scale`
+    bits : 8, 12 or 16 that the samples really use; None for floats
+    """
+
+    I: Float[np.ndarray, "p n"]
+    mask: Bool[np.ndarray, "h w"]
+    step: int
+    saturated: Float[np.ndarray, " n"]
+    zero: Float[np.ndarray, " n"]
+    level: Float[np.ndarray, " n"]
+    edges: Float[np.ndarray, "n a b"]
+    scale: float
+    bits: int | None
+
+
+def read(capture: Capture) -> Samples:
+    """Decode every picture once, in threads."""
+    mask = capture.mask
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    box = np.s_[max(0, rows[0] - 8) : rows[-1] + 9, max(0, columns[0] - 8) : columns[-1] + 9]
+    step = max(1, int(np.ceil(np.sqrt(mask.sum() / PIXELS))))
+    grid = np.s_[rows[0] :: step, columns[0] :: step]
+    scale = min(1.0, EDGE_SIZE / max(mask[box].shape))
+    kind = np.dtype(getattr(capture.images, "dtype", np.float32))
+
+    def one(j: int, image: np.ndarray) -> tuple[np.ndarray, float, float, float, np.ndarray, int]:
+        inside = image[mask]  # (p, c)
+        white = np.inf if capture.saturation is None else capture.saturation[j]
+        full = 1.0 if capture.saturation is None else float(np.mean(capture.saturation[j]))
+        grey = image.mean(-1)
+        return (
+            grey[grid][mask[grid]],
+            float((inside >= white * (1 - 1e-5)).mean()),
+            float((inside <= 0).mean()),
+            float(np.median(inside)) / full,
+            _edges(grey[box], scale),
+            _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
+        )
+
+    I, saturated, zero, level, edges, bits = zip(*capture.map_images(one), strict=True)
+    levels = np.stack(I, axis=-1).astype(np.float64)
+    return Samples(
+        np.minimum(levels, np.quantile(levels, CAP)),
+        mask[grid],
+        step,
+        np.array(saturated),
+        np.array(zero),
+        np.array(level),
+        np.stack(edges),
+        scale,
+        max(bits) if kind.kind == "u" else None,
+    )
+
+
+def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:
+    """Bits that the samples of a 16-bit file use: 8 where all are multiples of 257, 12 where none is above 4095."""
+    if not np.all(np.isfinite(white)):
+        return 16
+    values = np.rint(samples[:: max(1, len(samples) // 4096)] / white * 65535).astype(np.int64)
+    if (values % 257 == 0).all():
+        return 8
+    return 12 if values.max() <= 4095 else 16
+
+
+def _edges(grey: np.ndarray, scale: float) -> np.ndarray:
+    """Strength of the edges of the logarithm: they stay where lights change, and move with the camera."""
+    import cv2
+
+    if scale < 1:
+        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    bright = max(float(np.quantile(grey, 0.95)), 1e-9)
+    log = cv2.GaussianBlur(np.log(np.maximum(grey / bright, 0) + 0.02).astype(np.float32), (0, 0), 1.0)
+    m = np.hypot(*(cv2.Sobel(log, cv2.CV_32F, dx, 1 - dx, scale=1 / 8) for dx in (1, 0)))
+    return m / (m + float(np.quantile(m, 0.9)) + 1e-6)

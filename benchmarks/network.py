@@ -72,7 +72,7 @@ def train(name: str, batch: int, device: torch.device) -> None:
     r = recipe(name)
     r = replace(r, batch=batch or r.batch)
     stream = iter(Stream(r.stream, r.batch, device, 0, lights=(r.images[1],) * 2, **r.rendering))
-    next(stream)
+    drawn = next(stream)
     start, count = time.perf_counter(), 0
     while time.perf_counter() - start < 20:
         drawn = next(stream)

@@ -96,7 +96,7 @@ CPU = replace(
     turns=True,
     reuse=2,
     ring=64,
-)  # a thirty-fifth of the paper network's work
+)  # a thirtieth of the paper network's work
 
 NORMALNET = Recipe(
     network="normalnet",
@@ -132,7 +132,7 @@ RECIPES = {
     # the baselines in the same conditions
     "psfcn": PSFCN,
     "psfcn-normalised": replace(PSFCN, config={"normalised": True}),
-    # for hours on two cores
+    # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
     "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=2, warmup=200, validate=1000),

@@ -227,6 +227,52 @@ class Check:
 
 
 @dataclass(frozen=True)
+class Bench:
+    """Predict the normals of a benchmark's objects by several methods, and store them."""
+
+    benchmark: Positional[str]
+    """diligent, materials, cycles, blobby or lightstage."""
+    root: Positional[Path]
+    """Folder with the benchmark's objects; absent ones are left blank."""
+    out: Path = Path("runs")
+    """Folder of the predictions; what it holds is not predicted again."""
+    methods: str = "all"
+    """Methods like woodham,l1; one may enter again as label=method:option=value."""
+    images: str = "all"
+    """How many images: all, or counts like 10 or 8,16,96."""
+    draws: int = 10
+    """Random draws of fixed seeds where fewer than all images are used, besides the one of PS-FCN's code."""
+    fixed: tuple[Path, ...] = ()
+    """Text files with image numbers like 1-10,15, or lines `object: 1-10,15`."""
+    objects: str = ""
+    """Only these objects, like ball,cat."""
+    device: str = "auto"
+    """auto, cpu or cuda."""
+    jobs: int = 1
+    """Objects at a time; more than one disturbs the seconds measured."""
+
+    def __call__(self) -> int:
+        from photonormal.bench import bench
+
+        done = bench(
+            self.benchmark,
+            self.root,
+            self.out,
+            methods=self.methods,
+            images=self.images,
+            draws=self.draws,
+            fixed=self.fixed,
+            objects=self.objects,
+            device=self.device,
+            jobs=self.jobs,
+        )
+        for failure in done.failures:
+            print(f"photonormal: {failure}", file=sys.stderr)
+        print(f"{done.predicted} predictions stored in {self.out}, {done.kept} were there, {len(done.failures)} failed")
+        return 1 if done.failures else 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -246,12 +292,13 @@ Command = (
     | Annotated[Integrate, tyro.conf.subcommand("integrate")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Check, tyro.conf.subcommand("check")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 2 the input or the options are wrong, 130 interrupted."""
+    """Run one command; returns the exit code: 0 done, 1 a part failed, 2 wrong input or options, 130 interrupted."""
     try:
         command = tyro.cli(
             Command,  # pyright: ignore[reportArgumentType]

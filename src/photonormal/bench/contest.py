@@ -1,0 +1,82 @@
+"""The methods of a benchmark: `woodham`, or `label=method:option=value`, so that one method can enter several times."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from photonormal.solve import METHODS, configure, method_class
+from photonormal.types import InputError
+
+RESERVED = ("truth",)  # folder of a run that is no method's
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method with its options, under the name that tables use."""
+
+    label: str
+    method: str
+    options: dict[str, Any]
+
+    def solver(self) -> Any:
+        """The method, ready to be called with a capture and a device."""
+        return configure(self.method, **self.options)
+
+    def config(self) -> dict[str, Any]:
+        """What its predictions depend on: all options, and the weights' checksum."""
+        solver = self.solver()
+        try:
+            weights = getattr(solver, "weights_sha256", None)
+        except OSError as error:
+            raise InputError(f"weights {error.filename} can't be read; train or install them first.") from None
+        options = {k: v if isinstance(v, (int, float, str, bool)) else str(v) for k, v in asdict(solver).items()}
+        return {"method": self.method, "options": options, "weights_sha256": weights}
+
+
+def entries(text: str) -> list[Entry]:
+    """Entries from ``a,b`` or ``all``; an entry is ``method``, ``label=method`` or ``label=method:option=value:...``.
+
+    Raises
+    ------
+    InputError
+        If a method or option does not exist, a value can't be read, or two entries have one name.
+    """
+    parts = list(METHODS) if text.strip() == "all" else [p.strip() for p in text.split(",") if p.strip()]
+    if not parts:
+        raise InputError("--methods is empty; name methods like woodham,l1, or all.")
+    found = [_entry(part) for part in parts]
+    labels = [e.label for e in found]
+    for label in labels:
+        if labels.count(label) > 1:
+            raise InputError(f"two methods are called {label!r}; name each once, or apart: {label}2={label}.")
+    return found
+
+
+def _entry(text: str) -> Entry:
+    head, *settings = re.split(r":(?=\w+=)", text)
+    label, _, method = head.rpartition("=")
+    label = label or method
+    if not re.fullmatch(r"\w[\w.+ -]*", label) or label in RESERVED:
+        raise InputError(f"a method can't be called {label!r}; use letters, digits, - and _.")
+    fields = method_class(method).__dataclass_fields__
+    options = {}
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        if name not in fields:
+            raise InputError(f"{method} has no option {name!r}; it has {', '.join(fields) or 'none'}.")
+        options[name] = _value(method, name, value, fields[name].default)
+    return Entry(label, method, options)
+
+
+def _value(method: str, name: str, text: str, default: Any) -> Any:
+    """A value of the default's type."""
+    kind = type(default)
+    try:
+        if kind is bool:
+            return {"true": True, "1": True, "false": False, "0": False}[text.lower()]
+        return kind(text) if kind in (int, float, str) else Path(text) if isinstance(default, Path) else text
+    except (ValueError, KeyError):
+        raise InputError(f"{method} has {name}={default!r} but {text!r} came; give a {kind.__name__}.") from None

@@ -1,0 +1,177 @@
+"""Predictions on disk: what `bench` writes and everything else reads.
+
+runs/
+    <method>/<dataset>/
+        config.json                     method, options, weights' checksum, package version: what predictions depend on
+        <object>.npz, <object>.json     normals and mask, as `photonormal.load_normals` reads; what was measured
+        <object>@<selection>.npz        the same from some of the images
+        scores.json                     errors found so far, kept so that a table need not find them again
+    truth/<dataset>/<object>.npz        true normals, mask, and one photograph
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import photonormal
+from photonormal.export.folder import write
+from photonormal.types import InputError, Normals
+
+LAYOUT = 1  # of the folder; another number can't be read
+CONFIG = "config.json"
+SCORES = "scores.json"
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One stored normal map, with the record of how it was made."""
+
+    label: str
+    dataset: str
+    path: Path
+    record: dict[str, Any]
+
+    @property
+    def object(self) -> str:
+        return self.record["object"]
+
+    @property
+    def protocol(self) -> str:
+        return self.record["protocol"]
+
+    @property
+    def images(self) -> int:
+        return len(self.record["images"])
+
+    def normals(self) -> Normals:
+        """The normal map."""
+        return _read_npz(self.path)[0]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What an object's predictions are compared with: its photograph, its mask, and its true normals if known."""
+
+    normals: Normals | None
+    mask: np.ndarray  # (h, w) bool
+    photograph: np.ndarray  # (h, w, 3) 8-bit sRGB
+
+
+def prediction_path(out: Path, label: str, dataset: str, name: str, selection: str = "") -> Path:
+    """Where a prediction lies."""
+    return out / label / dataset / (f"{name}@{selection}.npz" if selection else f"{name}.npz")
+
+
+def truth_path(out: Path, dataset: str, name: str) -> Path:
+    """Where an object's truth lies."""
+    return out / "truth" / dataset / f"{name}.npz"
+
+
+def record_path(prediction: Path) -> Path:
+    """The record beside a prediction."""
+    return prediction.with_suffix(".json")
+
+
+def write_prediction(path: Path, normals: Normals, record: dict[str, Any], half: bool) -> None:
+    """Store normals and their record; the normals come last, so that what has a map has a record.
+
+    `half`: in half precision, which moves a normal by 0.02 degrees at most; for the many draws.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _write_json(record_path(path), record)
+    map = normals.map.astype(np.float16) if half else normals.map
+    write(path, _npz(normals=map, mask=normals.mask))
+
+
+def write_truth(path: Path, truth: Truth) -> None:
+    """Store what an object's predictions are compared with."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    known = {} if truth.normals is None else {"normals": truth.normals.map, "mask": truth.normals.mask}
+    write(path, _npz(object=truth.mask, photograph=truth.photograph, **known))
+
+
+def read_truth(path: Path) -> Truth:
+    """The truth beside the predictions; InputError where there is none."""
+    normals, data = _read_npz(path, optional=True)
+    return Truth(normals, data["object"], data["photograph"])
+
+
+def check_config(folder: Path, config: dict[str, Any]) -> None:
+    """Write a folder's config, or InputError where it holds predictions that were made in another way."""
+    config = {"layout": LAYOUT, "photonormal": photonormal.__version__, **config}
+    path = folder / CONFIG
+    if not path.is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        _write_json(path, config)
+        return
+    before = read_config(path)
+    for key, what in (("photonormal", "version"), ("method", "method"), ("options", "options"), ("weights_sha256", "")):
+        if before.get(key) != config[key]:
+            change = f"{what} {before.get(key)}, not {config[key]}" if what else "other weights"
+            raise InputError(f"{folder} was made with {change}; choose another --out or remove that folder.")
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """A folder's config; InputError where it is damaged or of a layout that this version can't read."""
+    config = _read_json(path)
+    if config.get("layout") != LAYOUT:
+        raise InputError(
+            f"{path.parent} has layout {config.get('layout')} of photonormal {config.get('photonormal')} but this "
+            f"version reads layout {LAYOUT}; run the benchmark again into another folder."
+        )
+    return config
+
+
+def configs(runs: Path) -> dict[tuple[str, str], dict[str, Any]]:
+    """(label, dataset) -> config of every folder of predictions."""
+    if not runs.is_dir():
+        raise InputError(f"{runs} is no folder; give the --out of photonormal bench.")
+    found = {(p.parts[-3], p.parts[-2]): read_config(p) for p in sorted(runs.glob(f"*/*/{CONFIG}"))}
+    if not found:
+        raise InputError(f"{runs} holds no predictions; run photonormal bench with --out {runs} first.")
+    return found
+
+
+def predictions(runs: Path, label: str, dataset: str) -> Iterator[Prediction]:
+    """Every stored prediction of a method on a dataset, in the order of names."""
+    for path in sorted((runs / label / dataset).rglob("*.npz")):
+        if not path.name.startswith("."):
+            yield Prediction(label, dataset, path, _read_json(record_path(path)))
+
+
+def _npz(**arrays: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()
+
+
+def _read_npz(path: Path, optional: bool = False) -> tuple[Any, dict[str, np.ndarray]]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            data = dict(file)
+        known = not optional or "normals" in data
+        return Normals(data["normals"].astype(np.float32), data["mask"]) if known else None, data
+    except Exception as error:  # a damaged file fails in many ways
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        raise InputError(f"{path} can't be read ({reason}); remove it and run the benchmark again.") from None
+
+
+def _write_json(path: Path, value: dict[str, Any]) -> None:
+    write(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())
+
+
+def _read_json(path: Path) -> dict[str, Any]:
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(value, dict):
+            raise ValueError("no object")
+        return value
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} can't be read ({error}); remove it and run the benchmark again.") from None

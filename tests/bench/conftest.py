@@ -1,0 +1,38 @@
+"""Tiny benchmarks of matt spheres, whose normals are known."""
+
+import pytest
+
+from photonormal.cli import main
+from tests.scenes import lambertian, ring, sphere, write_diligent
+
+
+@pytest.fixture(scope="session")
+def root(tmp_path_factory):
+    """Three objects of ten in DiLiGenT's layout, twelve pictures each; bear has 24."""
+    folder = tmp_path_factory.mktemp("diligent")
+    for name, n in (("ball", 11), ("bear", 23), ("cat", 11)):
+        write_diligent(folder / "pmsData" / f"{name}PNG", lambertian(sphere(32), ring(n, 70)))
+    return folder
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command line: (exit code, standard output, standard error)."""
+
+    def call(*arguments):
+        code = main([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def runs(root, tmp_path_factory):
+    """Predictions of two methods from all images, and from six."""
+    from photonormal.bench import bench
+
+    out = tmp_path_factory.mktemp("stored") / "runs"
+    done = bench("diligent", root, out, methods="woodham,trimmed", images="all,6", draws=3)
+    assert not done.failures
+    return out

@@ -13,9 +13,8 @@ _WHERE = {
     "SCENE_SETS": "photonormal.synth.pathtraced.sets",
     "SceneSet": "photonormal.synth.pathtraced.sets",
     "render_scene_set": "photonormal.synth.pathtraced.sets",
-    "compare": "photonormal.synth.pathtraced.compare",
 }
-__all__ = ["SCENE_SETS", "SceneSet", "compare", "render_scene_set"]
+__all__ = ["SCENE_SETS", "SceneSet", "render_scene_set"]
 
 
 def __getattr__(name: str) -> Any:

@@ -16,18 +16,19 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.geometry import fibonacci_hemisphere
+from photonormal.synth.library import FAMILIES
 from photonormal.synth.materials import Coats, dress
 from photonormal.synth.params import rng, tensor
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.meshes import Mesh, polygonise
 from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
-from photonormal.synth.pathtraced.tracer import Camera
+from photonormal.synth.pathtraced.tracer import Camera, eroded
 from photonormal.synth.recipes import Recipe, recipe
 from photonormal.synth.scene import EMPTY, Scenes, draw_scenes, frame, render
+from photonormal.synth.sculptor import KINDS
 from photonormal.synth.shadows import horizon
 from photonormal.synth.trace import Geometry, gradient, visible_surface
 
-KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned")  # of the drawn shapes
 REACH = 1.7  # half side of the cube that holds a drawn solid
 
 
@@ -51,6 +52,13 @@ class Compared:
         """As `direct_percent`, of light that came straight or by one other place."""
         return self._percent(self.bounced)
 
+    def indirect_ratio(self) -> float:
+        """Light that surfaces sent each other, on the whole object: ours over the path tracer's."""
+        ours, theirs = (
+            (whole - direct)[:, self.mask].sum() for whole, direct in zip(self.bounced, self.direct, strict=True)
+        )
+        return float(ours / theirs) if theirs > 0 else float("nan")
+
     def shadows_percent(self) -> float:
         """Share of pixels, at least one away from a shadow's or the object's edge, on whose shadow both agree."""
         ours, theirs = self.reached
@@ -72,13 +80,6 @@ class Compared:
         return float(100 * np.mean(errors))
 
 
-def eroded(mask: Bool[np.ndarray, "*n s s"]) -> Bool[np.ndarray, "*n s s"]:
-    """Pixels that are set together with their eight neighbours."""
-    s = mask.shape[-1]
-    around = np.pad(mask, [(0, 0)] * (mask.ndim - 2) + [(1, 1), (1, 1)])
-    return np.logical_and.reduce([around[..., i : i + s, j : j + s] for i in range(3) for j in range(3)])
-
-
 def lights(n: int, lowest_deg: float = 15.0) -> Float[np.ndarray, "n 3"]:
     """`n` directions spread over the hemisphere above an elevation."""
     l = fibonacci_hemisphere(n)
@@ -91,7 +92,8 @@ def plain(**changes: Any) -> Recipe:
     """The training recipe without a sensor's and a set-up's errors, whole objects only, principled materials."""
     clean = {
         "zoom": 0.0, "ambient": 0.0, "saturated": 0.0, "noise": 0.0, "low_bits": 0.0, "intensity_error": 0.0,
-        "light_error_deg": 0.0, "corrupted": 0.0, "bounce": 1.0, "materials": (1.0,), "smooth_edges": False,
+        "light_error_deg": 0.0, "corrupted": 0.0, "bounce": 1.0, "smooth_edges": False, "blurred": 0.0,
+        "materials": tuple(float(family == "principled") for family in FAMILIES),
     }  # fmt: skip
     return recipe("train", **{**clean, **changes})
 
@@ -122,6 +124,7 @@ def compare(
     scenes = replace(
         scenes, lights=tensor(L)[None], coats=scenes.coats if material is None else plain_coats(scenes.coats, material)
     )
+    geometry = None
     if isinstance(kind, Mesh):
         camera, mesh = Camera(half=1.1, size=size), kind
     else:
@@ -131,7 +134,7 @@ def compare(
         camera, mesh = Camera(x, y, half, size), solid(scenes.solids, cells)
     scene = tracer.build([dressed(mesh, scenes.coats, material).shape(stock or bsdf("principled", material))], camera)
     seen = tracer.look(scene, camera)
-    if isinstance(kind, Mesh):
+    if geometry is None:
         geometry = geometry_of(seen, camera)
     ours = [_render(replace(scenes, bounce=torch.tensor([b])), geometry, made) for b in (False, True)]
     theirs = [

@@ -143,7 +143,7 @@ def _values(f: Values, axes: list[np.ndarray]) -> np.ndarray:
 
 
 def _nets(values: np.ndarray, low: np.ndarray, h: float) -> Mesh:
-    """Naive surface nets: each cell that the surface crosses has one vertex, the mean of where its edges are crossed."""
+    """Naive surface nets: each cell that the surface crosses has one vertex, the mean of its edges' crossings."""
     inside = values < 0
     shape = tuple(n - 1 for n in values.shape)
     quads, points = [], []

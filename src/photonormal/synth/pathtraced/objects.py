@@ -1,4 +1,4 @@
-"""Objects of the test scenes, built from numbers, and the statue from a folder of meshes. None is drawn for training."""
+"""Objects of the test scenes, built from numbers, and the statue from a folder of meshes: none is trained on."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def bowl(meshes: Path | None = None) -> Mesh:
     g = np.random.default_rng(23)
     turns, steps = 720, 120
     theta = np.arange(turns) * (2 * np.pi / turns)
-    out = np.linspace(0.02, 1, steps)
+    out = np.linspace(0, 1, steps)
     s = np.concatenate([out, out[::-1]])[:, None]  # up the outer side, down the inner one
     inner = np.repeat([0.0, 1.0], steps)[:, None]
     radius = 0.32 + 0.62 * s**1.3

@@ -118,7 +118,8 @@ def _sgd(mi: Any, v: list[Any], cl: Any, cv: Any, ch: Any, cd: Any) -> Any:
             return dr.clip(1 + lam * (1 - dr.exp(c * grown)), 0, 1)
 
         a = alpha + tan2 / alpha
-        D = kappa * dr.exp(-a) / (math.pi * dr.power(a, p) * ch**4)
+        cos4: Any = (ch * ch) * (ch * ch)
+        D = kappa * dr.exp(-a) / (math.pi * cos4 * dr.power(a, p))
         F = dr.maximum(0, f0 - cd * f1 + (1 - cd) ** 5 * (1 - f0))
         channels.append((rho_d + rho_s * F * D * G(cl) * G(cv) / (cl * cv)) / math.pi)
     return mi.Color3f(*channels)

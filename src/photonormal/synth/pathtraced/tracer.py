@@ -9,6 +9,7 @@ Frame: x right, y up, z towards the orthographic camera. A white matt surface th
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +19,7 @@ from jaxtyping import Bool, Float
 from photonormal.synth.pathtraced.variant import mitsuba, vectorised
 
 FAR = 50.0  # where camera rays begin
-PATHS, LANES = 2**18, 2**22  # paths, and light samples, evaluated at a time
+PATHS = 2**19  # paths traced at a time
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,13 @@ class Seen:
     mask: Bool[np.ndarray, "s s"]
     normals: Float[np.ndarray, "s s 3"]  # unit, zero outside
     points: Float[np.ndarray, "s s 3"]
+
+
+def eroded(mask: Bool[np.ndarray, "*n s s"]) -> Bool[np.ndarray, "*n s s"]:
+    """Pixels that are set together with their eight neighbours."""
+    s = mask.shape[-1]
+    around = np.pad(mask, [(0, 0)] * (mask.ndim - 2) + [(1, 1), (1, 1)])
+    return np.logical_and.reduce([around[..., i : i + s, j : j + s] for i in range(3) for j in range(3)])
 
 
 def build(shapes: list[Any], camera: Camera) -> Any:
@@ -91,6 +99,16 @@ def look(scene: Any, camera: Camera) -> Seen:
     )
 
 
+def covered(scene: Any, camera: Camera) -> Bool[np.ndarray, "s s"]:
+    """Pixels that the object fills: their corners, too, meet it."""
+    mask = np.ones(camera.size**2, bool)
+    for dx in (0.02, 0.98):
+        for dy in (0.02, 0.98):
+            for where, si in _first(scene, camera, dx, dy):
+                mask[where] &= np.array(si.is_valid())
+    return mask.reshape(camera.size, camera.size)
+
+
 def reached(scene: Any, camera: Camera, L: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n s s"]:
     """Where each light reaches what the camera meets at the pixels' centres: no part of the surface is in between."""
     mi = mitsuba()
@@ -108,17 +126,17 @@ def _blocked(scene: Any, ray: Any, active: Any) -> Any:
     return scene.ray_test(ray, active) if vectorised() or active else False
 
 
-def _first(scene: Any, camera: Camera) -> Any:
+def _first(scene: Any, camera: Camera, dx: float = 0.5, dy: float = 0.5) -> Iterator[tuple[Any, Any]]:
     """Where the rays of all pixels, or of one after the other, arrive."""
     mi = mitsuba()
     every = camera.size**2
     if vectorised():
         import drjit as dr
 
-        yield slice(None), scene.ray_intersect(camera.rays(dr.arange(mi.UInt32, every)))
+        yield slice(None), scene.ray_intersect(camera.rays(dr.arange(mi.UInt32, every), dx, dy))
         return
     for i in range(every):
-        yield i, scene.ray_intersect(camera.rays(i))
+        yield i, scene.ray_intersect(camera.rays(i, dx, dy))
 
 
 def trace(
@@ -151,31 +169,45 @@ def trace(
     batch = max(1, PATHS // pixels)
     for first in range(0, samples, batch):
         lane = dr.arange(mi.UInt32, pixels * min(batch, samples - first))
-        pixel = lane % pixels
+        pixel, number = lane % pixels, lane // pixels + first
         dx = dy = mi.Float(0.5)
         if not centred:  # a sequence that fills the pixel evenly
-            k = mi.Float(lane // pixels + (first + 1))
+            k = mi.Float(number + 1)
             dx, dy = 0.5 + 0.7548776662 * k, 0.5 + 0.5698402910 * k
             dx, dy = dx - dr.floor(dx), dy - dr.floor(dy)
-        _add_paths(image, scene, camera.rays(pixel, dx, dy), pixel, lights, n, bounces, seed + first, bound)
-    return np.array(image).reshape(camera.size, camera.size, n, 3).transpose(2, 0, 1, 3) / samples
+        _add_paths(image, scene, camera.rays(pixel, dx, dy), pixel, number, lights, n, bounces, (seed, first), bound)
+    planes = np.array(image).reshape(n, 3, camera.size, camera.size)
+    return np.ascontiguousarray(planes.transpose(0, 2, 3, 1)) / samples
 
 
 def _add_paths(
-    image: Any, scene: Any, ray: Any, pixel: Any, lights: Any, n: int, bounces: int, seed: int, bound: float
+    image: Any,
+    scene: Any,
+    ray: Any,
+    pixel: Any,
+    number: Any,
+    lights: Any,
+    n: int,
+    bounces: int,
+    seeds: tuple[int, int],
+    bound: float,
 ) -> None:
-    """One path for each ray, added to its pixel of `image` (pixels, n, 3)."""
+    """One path for each ray, the `number`-th of its pixel, added to its pixel of `image` (n, 3, pixels)."""
     import drjit as dr
 
     mi = mitsuba()
     context = mi.BSDFContext()
     si = scene.ray_intersect(ray)
-    hit = dr.compress(si.is_valid())
+    hit: Any = dr.compress(si.is_valid())
     if dr.width(hit) == 0:
         return
-    ray, pixel = dr.gather(mi.Ray3f, ray, hit), dr.gather(mi.UInt32, pixel, hit)
+    ray, pixel, number = (
+        dr.gather(kind, x, hit) for kind, x in ((mi.Ray3f, ray), (mi.UInt32, pixel), (mi.UInt32, number))
+    )
+    seed, first = seeds
+    sampler_seed = seed + 104729 * first
     sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(seed, dr.width(pixel))
+    sampler.seed(sampler_seed, dr.width(pixel))
     carried = dr.full(mi.Color3f, math.pi, dr.width(pixel))  # pi: irradiance of a light whose white is 1
     for k in range(bounces + 1):
         si = scene.ray_intersect(ray)
@@ -184,17 +216,28 @@ def _add_paths(
         _add_lights(image, scene, si, carried, active, pixel, lights, n, bound if k else math.inf)
         if k == bounces:
             return
-        bs, weight = si.bsdf().sample(context, si, sampler.next_1d(active), sampler.next_2d(active), active)
+        u1, u2 = sampler.next_1d(active), sampler.next_2d(active)
+        if k == 0:  # spread evenly over the paths of a pixel
+            shift = mi.sample_tea_float32(pixel, seed), mi.sample_tea_float32(pixel, seed + 1)
+            turns = [mi.Float(number) * a for a in (0.8191725134, 0.6710436067, 0.5497004779)]
+            third = mi.sample_tea_float32(pixel, seed + 2)
+            u1, x, y = (t + s - dr.floor(t + s) for t, s in zip(turns, (third, *shift), strict=True))
+            u2 = mi.Point2f(x, y)
+        bs, weight = si.bsdf().sample(context, si, u1, u2, active)
         carried = carried * weight
         ray = si.spawn_ray(si.to_world(bs.wo))
-        alive = dr.compress(active & (dr.max(carried) > 0))
+        active &= dr.max(carried) > 0
+        if k >= 1:  # half of the paths stand for all
+            active &= sampler.next_1d(active) < 0.5
+            carried = carried * 2
+        alive: Any = dr.compress(active)
         if dr.width(alive) == 0:
             return
         carried, ray, pixel = (
             dr.gather(mi.Color3f, carried, alive), dr.gather(mi.Ray3f, ray, alive), dr.gather(mi.UInt32, pixel, alive)
         )  # fmt: skip
         sampler = mi.load_dict({"type": "independent"})
-        sampler.seed(seed + 7919 * (k + 1), dr.width(alive))
+        sampler.seed(sampler_seed + 7919 * (k + 1), dr.width(alive))
 
 
 def _add_lights(
@@ -204,25 +247,21 @@ def _add_lights(
     import drjit as dr
 
     mi = mitsuba()
-    context = mi.BSDFContext()
-    vertices = dr.width(si)
-    per = min(n, max(1, LANES // vertices))
-    for first in range(0, n, per):
-        m = min(per, n - first)
-        lane = dr.arange(mi.UInt32, vertices * m)
-        vertex, j = lane // m, lane % m + first
-        own = dr.gather(mi.SurfaceInteraction3f, si, vertex)
-        on = dr.gather(mi.Bool, active, vertex)
+    context, bsdf, pixels = mi.BSDFContext(), si.bsdf(), dr.width(image) // (3 * n)
+
+    def light(j: Any) -> Any:
         d = dr.gather(mi.Vector3f, lights, j)
-        f = own.bsdf().eval(context, own, own.to_local(d), on)
-        on &= (dr.max(f) > 0) & (dr.dot(own.n, d) > 0)
-        on &= ~scene.ray_test(own.spawn_ray(d), on)
-        value = f * dr.gather(mi.Color3f, carried, vertex)
-        value = dr.minimum(value, bound) if bound < math.inf else value
-        at = (dr.gather(mi.UInt32, pixel, vertex) * n + j) * 3
+        f = bsdf.eval(context, si, si.to_local(d), active)
+        on = active & (dr.max(f) > 0) & (dr.dot(si.n, d) > 0)
+        on &= ~scene.ray_test(si.spawn_ray(d), on)
+        value = dr.minimum(f * carried, bound)
         for c in range(3):
-            dr.scatter_add(image, value[c], at + c, on)
-        dr.eval(image)
+            dr.scatter_add(image, value[c], (j * 3 + c) * pixels + pixel, on)
+        return (j + 1,)
+
+    last = dr.opaque(mi.UInt32, n)
+    dr.while_loop((dr.zeros(mi.UInt32, dr.width(si)),), lambda j: j < last, light, labels=("j",))
+    dr.eval(image)
 
 
 def stock(

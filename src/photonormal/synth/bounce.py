@@ -38,20 +38,22 @@ def hits(
     dx, dy, dz = d[..., 0], -d[..., 1], d[..., 2]
     flat = torch.where(mask, height, -1e4).flatten()
     scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (s * s)
-    found = torch.full(d.shape[:3], -1, device=device, dtype=torch.int32)
-    open = on[..., None].expand_as(found).clone()
-    reach = torch.cumsum(1.2 * (1.0 * s / 12) ** torch.linspace(0, 1, STEPS) / 1.0, 0)
-    reach = reach * (1.1 * s / reach[-1])
-    step = torch.diff(reach, prepend=torch.zeros(1))
-    for t, dt in zip(reach.tolist(), step.tolist(), strict=True):
+    end = torch.full(d.shape[:3], -1.0, device=device)  # length of each ray
+    open = on[..., None].expand_as(end).clone()
+    before = torch.full_like(end, -1.0)
+    reach = torch.cumsum((1.0 * s / 12) ** torch.linspace(0, 1, STEPS), 0)
+    reach = reach * (1.2 * s / reach[-1])
+    for t, dt in zip(reach.tolist(), torch.diff(reach, prepend=torch.zeros(1)).tolist(), strict=True):
         c, r = (col + t * dx).floor(), (row + t * dy).floor()
         inside = (c >= 0) & (c < s) & (r >= 0) & (r < s)
         pixel = (r.clamp(0, s - 1) * s + c.clamp(0, s - 1)).to(torch.int32)
-        depth = flat.index_select(0, (pixel + scene).flatten()).view_as(z + dz) - (z + t * dz)
-        hit = open & inside & (depth > 0) & (depth < 2.0 * dt + 4.0)
-        found = torch.where(hit, pixel, found)
+        depth = flat.index_select(0, (pixel + scene).flatten()).view_as(end) - (z + t * dz)
+        hit = open & inside & (depth > 0) & (depth < 4.0 * dt + 4.0)
+        end = torch.where(hit, t - dt * depth / (depth - before.clamp(max=-1e-3)), end)
         open &= inside & ~hit
-    return found
+        before = depth
+    c, r = (col + end * dx).floor().clamp(0, s - 1), (row + end * dy).floor().clamp(0, s - 1)
+    return torch.where(end >= 0, r * s + c, -1.0).to(torch.int32)
 
 
 def _directions(N: Float[Tensor, "b r 3"], seed: int) -> Float[Tensor, "b r m 3"]:

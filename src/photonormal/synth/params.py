@@ -42,7 +42,7 @@ def tensor(values: Any) -> Tensor:
     return torch.from_numpy(array.astype(np.float32) if array.dtype.kind == "f" else array)
 
 
-def log_uniform(g: np.random.Generator, low: float | np.ndarray, high: float | np.ndarray, shape: Any) -> np.ndarray:
+def log_uniform(g: np.random.Generator, low: Any, high: Any, shape: Any) -> np.ndarray:
     """Numbers whose logarithm is uniform over [low, high]."""
     return np.exp(g.uniform(np.log(low), np.log(high), shape))
 

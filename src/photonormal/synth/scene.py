@@ -146,7 +146,7 @@ def render(
         fall = recipe.distance**2 / r2
     if recipe.shadows:
         field = torch.where(geometry.mask, geometry.height, EMPTY)
-        visible = horizon(field, L).visibility(every, z)
+        visible = horizon(field, L).visibility(every, z, N)
         lit = shade(visible, cos_l)
     else:
         lit = cos_l.clamp(min=0)

@@ -13,9 +13,10 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-STEEPEST = 8.0  # pixels that a ray rises per pixel at most: a light overhead casts no shadow worth having
+STEEPEST = 24.0  # pixels that a ray rises per pixel at most: a light overhead casts no shadow worth having
 WRAP = 16384.0  # keeps the part of a line that re-enters on the other side apart from the first part
-BIAS, SOFT = 0.25, 0.9  # pixels of depth below the ray at which a shadow begins, and over which it becomes full
+STEEP = 6.0  # slope up to which a pixel's height is carried over to the lines beside it
+BIAS, SOFT = 0.05, 0.5  # pixels of depth below the ray at which a shadow begins, and over which it becomes full
 
 
 @dataclass(frozen=True)
@@ -29,11 +30,18 @@ class Horizon:
     forward: Float[Tensor, "b n"]  # 1 where the light is towards growing indices
     size: int
 
-    def visibility(self, pixel: Int[Tensor, "b p"], height: Float[Tensor, "b p"]) -> Float[Tensor, "b n p"]:
-        """1 where a light reaches a pixel (row * size + column) at a height, 0 where it doesn't, between at edges."""
+    def visibility(
+        self, pixel: Int[Tensor, "b p"], height: Float[Tensor, "b p"], normals: Float[Tensor, "b 3 p"] | None = None
+    ) -> Float[Tensor, "b n p"]:
+        """1 where a light reaches a pixel (row * size + column) at a height, 0 where it doesn't, between at edges.
+
+        A pixel lies between two lines. With its normal its height is carried over to each of them, without which steep
+        slopes along a light's azimuth shadow themselves.
+        """
         s, (b, n) = self.size, self.slope.shape
         row, col = (pixel // s).to(torch.float32)[:, None], (pixel % s).to(torch.float32)[:, None]  # (b, 1, p)
-        major = torch.where(self.along_rows[..., None] > 0, col, row)  # (b, n, p)
+        along = self.along_rows[..., None] > 0
+        major = torch.where(along, col, row)  # (b, n, p)
         minor = row + col - major
         j = torch.where(self.forward[..., None] > 0, s - 1 - major, major)  # 0 is nearest to the light
         start = minor - self.slope[..., None] * j  # where the line through the pixel begins
@@ -41,15 +49,22 @@ class Horizon:
         start = start - turns * s
         t = start.floor().clamp_(max=s - 1)
         f = start - t
-        f = torch.where(minor < f, 1.0, f)  # the first of the two lines is still on the other side
         own = height[:, None] + self.rise[..., None] * j + WRAP * turns.abs()
         t, lines = t.to(torch.int32), torch.arange(b * n, device=t.device, dtype=torch.int32).view(b, n, 1)
         line = (j.to(torch.int32) * (b * n) + lines) * s
         index = (line + t).flatten()
         last = (line + (t + 1).clamp(max=s - 1)).flatten()
         values = self.running.flatten()
-        v = _lit(values.index_select(0, index).view_as(own) - own)
-        return torch.lerp(v, _lit(values.index_select(0, last).view_as(own) - own), f)
+        first, second = (values.index_select(0, i).view_as(own) - own for i in (index, last))
+        if normals is not None:
+            x, y, z = normals[:, None].unbind(2)  # (b, 1, p)
+            z = z.clamp(min=1e-3)
+            across = torch.where(along, y / z, -x / z).clamp_(-STEEP, STEEP)  # height per pixel of the minor axis
+            first += f * across
+            second -= (1 - f) * across
+        share = torch.where(minor < f, 1.0, f)  # the first line is still on the other side
+        share = torch.where(minor + 1 - f > s - 1, 0.0, share)  # the second is there already
+        return torch.lerp(_lit(first), _lit(second), share)
 
 
 def _lit(depth: Tensor) -> Tensor:

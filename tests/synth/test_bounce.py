@@ -1,0 +1,66 @@
+"""Light between parts of the surface."""
+
+import math
+
+import torch
+
+from photonormal.synth import bounce
+
+S = 64
+
+
+def bowl():
+    """A hemispherical bowl of radius 30 pixels in a wall: heights, mask and normals."""
+    t = torch.arange(S) + 0.5 - S / 2
+    x, y = t.expand(S, S), -t[:, None].expand(S, S)
+    inside = x**2 + y**2 < 29.5**2
+    z = -torch.where(inside, 900 - x**2 - y**2, 1.0).sqrt()
+    n = torch.stack([-x, -y, -z]) / 30
+    up = torch.tensor([0.0, 0, 1])[:, None, None]
+    return (z * inside)[None], inside[None], torch.where(inside, n, up)[None]
+
+
+def receivers():
+    grid = torch.arange(2, S, 4)
+    return (grid[:, None] * S + grid).flatten()
+
+
+def test_in_a_bowl_under_a_light_overhead_a_quarter_arrives_everywhere():
+    """All points of a sphere see each other alike: E = (1 / 4 pi R^2) times the light through the rim, pi R^2."""
+    height, inside, normals = bowl()
+    at = receivers()
+    found = bounce.hits(height, inside | True, normals, at, 0)
+    lit = (normals[:, 2] * inside).flatten(1)[:, :, None]  # n.l of a light overhead, which all see: (1, S S, 1)
+    arriving = bounce.gather(found, lit, 1, S)[0, :, 0]
+    r = ((at % S + 0.5 - 32) ** 2 + (at // S + 0.5 - 32) ** 2).sqrt()
+    assert math.isclose(arriving[r < 24].mean(), 0.25 * (29.5 / 30) ** 2, abs_tol=0.015)
+    assert arriving[r < 24].std() < 0.015
+
+
+def test_convex_and_flat_surfaces_get_nothing():
+    flat = torch.zeros(1, S, S)
+    up = torch.zeros(1, 3, S, S)
+    up[:, 2] = 1
+    assert (bounce.hits(flat, flat == 0, up, receivers(), 0) < 0).all()
+    height, inside, normals = bowl()
+    outward = normals * torch.tensor([-1.0, -1, 1]).view(1, 3, 1, 1)
+    found = bounce.hits(-height, inside, outward, receivers(), 0)
+    assert (found >= 0).float().mean() < 0.01
+
+
+def test_rays_leave_around_the_normal_with_the_cosine():
+    N = torch.nn.functional.normalize(torch.randn(1, 50, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
+    d = bounce._directions(N, 1)
+    assert torch.allclose(d.norm(dim=-1), torch.ones(1, 50, bounce.RAYS), atol=1e-5)
+    cos = (d * N[:, :, None]).sum(-1)
+    assert (cos > 0).all()
+    assert math.isclose(cos.mean().item(), 2 / 3, abs_tol=0.01)  # of the density cos / pi
+
+
+def test_constant_receivers_spread_as_a_constant():
+    on = torch.ones(1, 256, dtype=torch.bool)
+    normals = torch.tensor([0.0, 0, 1]).expand(1, 256, 3)
+    pixel = torch.arange(0, S * S, 7)[None]
+    own = torch.tensor([0.0, 0, 1]).expand(1, pixel.shape[1], 3)
+    out = bounce.spread(torch.full((1, 256, 5), 2.5), on, normals, pixel, own, S)
+    assert torch.allclose(out, torch.full_like(out, 2.5), atol=1e-4)

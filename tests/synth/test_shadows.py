@@ -1,0 +1,84 @@
+"""Cast shadows of height fields whose shadows are known."""
+
+import math
+
+import pytest
+import torch
+import torch.nn.functional as F
+
+from photonormal.synth.shadows import horizon
+
+S = 64
+PIXELS = torch.arange(S * S)[None].int()
+
+
+def light(azimuth_deg: float, elevation_deg: float) -> torch.Tensor:
+    a, e = math.radians(azimuth_deg), math.radians(elevation_deg)
+    return torch.tensor([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+
+
+def visibility(height: torch.Tensor, *lights: torch.Tensor, normals: torch.Tensor | None = None) -> torch.Tensor:
+    lines = horizon(height[None], torch.stack(lights)[None])
+    n = None if normals is None else normals.reshape(1, 3, -1)
+    return lines.visibility(PIXELS, height.flatten()[None], n)[0].view(-1, S, S)
+
+
+@pytest.mark.parametrize("turns", [0, 1, 2, 3])
+@pytest.mark.parametrize("elevation", [30, 45, 60])
+def test_a_step_casts_a_shadow_as_long_as_its_height_over_the_tangent(turns, elevation):
+    height = torch.zeros(S, S)
+    height[:, :32] = 12  # high on the left, light from the left
+    v = visibility(torch.rot90(height, turns), light(180 + 90 * turns, elevation))[0]
+    shadow = torch.rot90(v, -turns)[S // 2, 32:] < 0.5
+    assert shadow.sum() == pytest.approx(12 / math.tan(math.radians(elevation)), abs=1.1)
+    assert shadow[: int(shadow.sum())].all()  # next to the step, in one piece
+
+
+def test_an_oblique_shadow_keeps_its_length_along_the_light():
+    height = torch.zeros(S, S)
+    height[20:24, 20:24] = 10
+    v = visibility(height, light(135, 45))[0]  # from the upper left; the shadow falls to the lower right
+    dark = ((v < 0.5) & (height == 0)).nonzero().float()
+    reach = (dark - torch.tensor([23.0, 23.0])).norm(dim=1).max()  # from the block's last pixel
+    assert reach == pytest.approx(10, abs=1.6)
+    assert (dark >= 20).all()
+
+
+@pytest.mark.parametrize("azimuth", range(0, 360, 35))
+def test_planes_and_domes_shadow_nothing(azimuth):
+    y, x = torch.meshgrid(torch.linspace(-1, 1, S), torch.linspace(1, -1, S), indexing="ij")
+    plane = 10 * x + 7 * y
+    l = light(azimuth, 50)
+    assert visibility(plane, l).min() > 0.99
+    x, y = -(S / 2 - 0.5) * x, (S / 2 - 0.5) * -y  # pixels
+    dome = (2600 - x**2 - y**2).sqrt()
+    n = torch.stack([x, y, dome]) / 2600**0.5
+    lit = (n * l[:, None, None]).sum(0) > 0.05
+    assert (visibility(dome, l, normals=n)[0][lit] > 0.9).float().mean() > 0.999
+
+
+def test_agrees_with_marching_towards_each_light():
+    noise = F.interpolate(torch.randn(1, 1, 9, 9, generator=torch.Generator().manual_seed(1)), (S, S), mode="bicubic")
+    height = 9 * noise[0, 0]
+    lights = [light(a, e) for a, e in ((10, 30), (100, 45), (200, 25), (251, 60), (315, 40))]
+    v = visibility(height, *lights)
+    y, x = torch.meshgrid(torch.arange(S), torch.arange(S), indexing="ij")
+    for l, seen in zip(lights, v, strict=True):
+        depth = torch.full((S, S), -torch.inf)
+        for t in torch.arange(1, 60, 0.5):
+            c, r = x + t * l[0] / l[:2].norm(), y - t * l[1] / l[:2].norm()
+            grid = torch.stack([c, r], -1) * 2 / (S - 1) - 1
+            h = F.grid_sample(height[None, None], grid[None].float(), align_corners=True)[0, 0]
+            inside = (grid.abs() <= 1).all(-1)
+            depth = torch.where(inside, torch.maximum(depth, h - t * l[2] / l[:2].norm()), depth)
+        sure = (depth - height - 0.3).abs() > 0.6  # away from the shadow's edge
+        assert ((depth - height > 0.3) == (seen < 0.5))[sure].float().mean() > 0.985
+
+
+def test_nothing_casts_no_shadow_and_a_light_overhead_none_either():
+    height = torch.full((S, S), -1000.0)
+    height[30:40, 30:40] = 5
+    assert visibility(height, light(0, 20))[0][30:40, 30:40].min() == 1
+    height = torch.zeros(S, S)
+    height[:, :20] = 15
+    assert visibility(height, torch.tensor([0.0, 0.0, 1.0])).min() == 1

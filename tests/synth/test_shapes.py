@@ -1,0 +1,82 @@
+"""The visible surface of an implicit solid is where it is zero, and its normal is the gradient."""
+
+import numpy as np
+import torch
+
+from photonormal.synth.params import rng, take
+from photonormal.synth.sculptor import KINDS, draw_solids
+from photonormal.synth.trace import View, approach, gradient, survey, visible_surface
+
+
+def seen(solids, b, size=64, half=1.1):
+    device = torch.device("cpu")
+    view = View(torch.zeros(b, 2), torch.full((b,), half), size)
+    return view, visible_surface(solids, view, approach(solids, view, survey(solids, b, device)[1]))
+
+
+def ball(radius=0.8):
+    """The first plain solid, made a ball."""
+    solids = draw_solids(rng(0), 1, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    solids.parts.on[:] = torch.arange(solids.parts.on.shape[1]) == 0
+    solids.parts.M[:] = torch.eye(3) / radius
+    solids.parts.e[:] = 2
+    solids.parts.c[:] = 0
+    solids.lathe.on[:] = False
+    return solids
+
+
+def test_a_balls_depth_and_normals_are_exact():
+    view, g = seen(ball(0.8), 1)
+    x, y = (v.view(64, 64) for v in view.rays(64))
+    inside = x**2 + y**2 < 0.79**2
+    z = (0.64 - x**2 - y**2).clamp(min=0).sqrt()
+    n = torch.stack([x, y, z]) / 0.8
+    assert (g.mask[0] | ~inside).all() and not (g.mask[0] & (x**2 + y**2 > 0.8**2)).any()
+    error = torch.rad2deg(torch.linalg.cross(g.normals[0], n, dim=0).norm(dim=0))[inside & (z > 0.1)]
+    assert error.max() < 0.05
+    assert (g.height[0] * view.pixel - z)[inside & (z > 0.1)].abs().max() < 1e-3
+
+
+def test_every_kind_is_seen_with_unit_normals_that_face_the_camera():
+    for kind in range(len(KINDS)):
+        solids = draw_solids(rng(kind), 2, tuple(float(kind == k) for k in range(len(KINDS))), 1.0)
+        for i in range(2):
+            _, g = seen(take(solids, slice(i, i + 1)), 1)
+            assert g.mask.float().mean() > 0.05, KINDS[kind]
+            n = g.normals.movedim(1, -1)[g.mask]
+            assert torch.allclose(n.norm(dim=-1), torch.ones(len(n)), atol=1e-4)
+            assert (n[:, 2] > 0).all()
+            assert not g.normals.movedim(1, -1)[~g.mask].any()
+
+
+def test_points_seen_lie_on_the_surface_and_nothing_lies_before_them():
+    solids = draw_solids(rng(5), 4, (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.5)
+    for i in range(4):
+        solid = take(solids, slice(i, i + 1))
+        view, g = seen(solid, 1)
+        p = g.points.flatten(2)[:, :, g.mask.flatten()]  # (1, 3, m)
+        assert solid(p).abs().quantile(0.99) < 0.1 * view.pixel
+        for step in (2, 6, 20):  # pixels in front
+            ahead = p + torch.tensor([0.0, 0.0, 1.0])[:, None] * step * view.pixel
+            assert (solid(ahead) > -0.5 * view.pixel).float().mean() > 0.97
+
+
+def test_gradient_is_the_slope_of_the_function():
+    solids = draw_solids(rng(2), 3, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), 1.0)
+    p = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (3, 3, 50)).astype(np.float32))
+    g = gradient(solids, p)
+    for axis in range(3):
+        step = torch.zeros(3, 1)
+        step[axis] = 2e-3
+        slope = (solids(p + step) - solids(p - step)) / 4e-3
+        assert (slope - g[:, axis]).abs().quantile(0.9) < 0.05
+
+
+def test_scenes_together_are_the_scenes_one_by_one():
+    solids = draw_solids(rng(3), 3, (1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0), 0.7)
+    _, together = seen(solids, 3)
+    for i in range(3):
+        _, alone = seen(take(solids, slice(i, i + 1)), 1)
+        assert (alone.mask[0] == together.mask[i]).float().mean() > 0.995
+        both = alone.mask[0] & together.mask[i]
+        assert ((alone.height[0] - together.height[i]).abs()[both] < 0.05).float().mean() > 0.99

@@ -273,6 +273,37 @@ class Bench:
 
 
 @dataclass(frozen=True)
+class Table:
+    """Tables of stored predictions: errors, published figures beside them, seconds and memory."""
+
+    runs: Positional[Path]
+    """Folder that `bench` wrote."""
+    markdown: bool = False
+    """Print Markdown, which is the default."""
+    json: bool = False
+    """Print JSON."""
+    latex: bool = False
+    """Print LaTeX."""
+    methods: str = ""
+    """Only these, like woodham,l1."""
+    datasets: str = ""
+    """Only these, like diligent."""
+    published: bool = False
+    """Add published figures of methods that are not in photonormal."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.formats import FORMATS
+        from photonormal.bench.tables import tables
+
+        chosen = [name for name in FORMATS if getattr(self, name)] or ["markdown"]
+        if len(chosen) > 1:
+            raise InputError(f"--{' and --'.join(chosen)} came but one format is printed; choose one.")
+        found = tables(self.runs, listed(self.methods), listed(self.datasets), self.published)
+        print(FORMATS[chosen[0]](found), end="")
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -293,8 +324,14 @@ Command = (
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[Table, tyro.conf.subcommand("table")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )
+
+
+def listed(text: str) -> list[str]:
+    """The names in `a,b`."""
+    return [name.strip() for name in text.split(",") if name.strip()]
 
 
 def main(arguments: list[str] | None = None) -> int:

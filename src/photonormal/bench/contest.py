@@ -32,8 +32,12 @@ class Entry:
             weights = getattr(solver, "weights_sha256", None)
         except OSError as error:
             raise InputError(f"weights {error.filename} can't be read; train or install them first.") from None
-        options = {k: v if isinstance(v, (int, float, str, bool)) else str(v) for k, v in asdict(solver).items()}
-        return {"method": self.method, "options": options, "weights_sha256": weights}
+        return {"method": self.method, "options": self.options_as_stored(), "weights_sha256": weights}
+
+    def options_as_stored(self) -> dict[str, Any]:
+        """All options in JSON's kinds of values."""
+        options = asdict(self.solver()).items()
+        return {k: v if isinstance(v, (int, float, str, bool, type(None))) else str(v) for k, v in options}
 
 
 def entries(text: str) -> list[Entry]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from photonormal.bench.benchmarks import DILIGENT
+
 FILE = Path(__file__).with_name("published.toml")
 
 
@@ -35,10 +37,12 @@ class Published:
     where: str
     remark: str
 
-    def mean(self, objects: list[str]) -> float | None:
-        """The average as printed where it is over these objects, else the mean of the objects' own figures."""
+    def value(self, column: str, objects: list[str]) -> float | None:
+        """A column's figure. "average" is as printed where it is over these objects, else the mean of theirs."""
+        if column != "average":
+            return self.values.get(column)
         known = [o for o in self.values if o not in ("average", "bear76")]
-        if "average" in self.values and (not known or set(known) == set(objects)):
+        if "average" in self.values and set(known or DILIGENT) == set(objects):
             return self.values["average"]
         if not objects or not set(objects) <= set(known):
             return None
@@ -67,13 +71,16 @@ def published() -> tuple[Published, ...]:
     )
 
 
-def of_method(method: str, dataset: str, images: int, protocol: str) -> Published | None:
-    """The row that a measured one is set beside: of the same protocol if there is one, else of as many images."""
+def of_method(method: str, dataset: str, images: int, protocol: str) -> tuple[Published, ...]:
+    """The rows that a measured one is set beside: of the same protocol first, then others of as many images."""
     rows = [r for r in published() if r.method == method and (r.dataset, r.images) == (dataset, images)]
-    return next((r for r in rows if r.protocol == protocol), rows[0] if rows else None)
+    return tuple(sorted(rows, key=lambda r: r.protocol != protocol))
 
 
 def others(dataset: str, images: int) -> list[Published]:
     """Rows of methods that this package does not have; of a name printed twice, the first."""
-    rows = [r for r in published() if not r.method and (r.dataset, r.images) == (dataset, images)]
-    return list({r.name.split(" [")[0].rstrip("†"): r for r in reversed(rows)}.values())[::-1]
+    found: dict[str, Published] = {}
+    for r in published():
+        if not r.method and (r.dataset, r.images) == (dataset, images):
+            found.setdefault(r.name.split(" [")[0].rstrip("†"), r)
+    return list(found.values())

@@ -25,7 +25,7 @@ from photonormal.solve.observations import (
 )
 from photonormal.types import Capture, Normals
 
-DESCENT = 60  # steps of fitting the materials
+DESCENT = 30  # steps of fitting the materials
 SPREAD = 0.1  # residual beyond which a sample loses weight in that
 ROUGHNESS = (-3.0, -0.5)  # log alpha stays within; narrower lobes are met by single samples
 
@@ -36,8 +36,8 @@ Materials = tuple[Tensor, Tensor, Tensor]  # log rho_d, log rho_s, log alpha, ea
 class Ward:
     """I = n.l sum_m gamma_pm f_m, f_m = rho_d / pi + rho_s exp(-tan^2 delta / alpha^2) / (4 pi alpha^2 sqrt(n.l n.v)).
 
-    Few isotropic Ward materials f_m for the object (delta is the angle between n and h), non-negative shares gamma and a
-    normal for each pixel, found in turn. That is done from two starts, one that is right on matt surfaces and one
+    Few isotropic Ward materials f_m for the object (delta is the angle between n and h), non-negative shares gamma and
+    a normal for each pixel, found in turn. That is done from two starts, one that is right on matt surfaces and one
     that is right on metal; each pixel keeps the answer that explains it better. Needs 10 lights.
 
     Parameters
@@ -52,7 +52,7 @@ class Ward:
     diffuse: tuple[float, ...] = (1.0, 0.3)
     specular: tuple[float, ...] = (0.1, 1.0)
     roughness: tuple[float, ...] = (0.15, 0.4)
-    sample: int = 600
+    sample: int = 400
     rounds: int = 3
     matt: Ransac = field(default=Ransac(triplets=60))
     metal: Monotonic = field(default=Monotonic())
@@ -128,7 +128,7 @@ def fitted(
     """Materials that explain the samples best, given normals: gradient descent with shares found anew at each step."""
     root = (I / ((I * w).sum(1, keepdim=True) / w.sum(1, keepdim=True).clamp(min=1)).clamp(min=1e-9)).sqrt()
     log = [x.clone().requires_grad_() for x in materials]
-    descent = torch.optim.Adam(log, lr=0.05)
+    descent = torch.optim.Adam(log, lr=0.1)
     I = root**2
     with torch.enable_grad():
         for _ in range(DESCENT):

@@ -4,8 +4,8 @@
 
 ROOT holds `<object>PNG` folders. Prints Markdown: mean angular error with all images (and, in brackets, the published
 one), and the best of several runs on cat, on pictures in memory: seconds of the whole call; in brackets without the
-conversion to grey levels, which all methods share, and seconds of processor time. With --draws, also the errors with few
-random lights: mean and standard deviation over draws of fixed seeds, at every --draw-step-th row and column.
+conversion to grey levels, which all methods share, and seconds of processor time. With --draws, also the errors with
+few random lights: mean and standard deviation over draws of fixed seeds, at every --draw-step-th row and column.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from torch import Tensor
 from photonormal.shading import LUMA
 from photonormal.types import Capture, InputError, Normals
 
-BLOCK = {"cpu": 2**18, "cuda": 2**25}  # samples solved at a time: bounds memory; on the processor they fit its cache
+BLOCK = {"cpu": 2**18, "cuda": 2**22}  # samples solved at a time: bounds memory; on the processor they fit its cache
 SHADOW = {0.99: 0.02, 0.75: 0.06}  # quantile of all samples: fraction of it below which a sample may be in shadow
 READ = 2**20  # samples that suffice to find a quantile
 
@@ -56,7 +56,7 @@ def level(I: Float[Tensor, "*b p n"], quantile: float) -> Float[Tensor, "*b 1 1"
     samples = I[..., ::step, :].flatten(-2)  # (*b, m)
     k = max(1, round(quantile * samples.shape[-1]))
     if samples.device.type == "cpu":  # numpy selects ten times faster than torch there
-        return torch.from_numpy(np.partition(samples.numpy(), k - 1, axis=-1)[..., k - 1 : k, None])
+        return torch.from_numpy(np.partition(samples.detach().numpy(), k - 1, axis=-1)[..., k - 1 : k, None])
     return samples.kthvalue(k, dim=-1, keepdim=True).values[..., None]
 
 
@@ -72,14 +72,14 @@ def lit(I: Float[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
 def ascending(I: Float[Tensor, "*p n"]) -> Float[Tensor, "*p n"]:
     """Each pixel's samples from dark to bright."""
     if I.device.type == "cpu":  # numpy sorts with vector instructions: ten times faster than torch there
-        return torch.from_numpy(np.sort(I.numpy(), axis=-1))
+        return torch.from_numpy(np.sort(I.detach().numpy(), axis=-1))
     return I.sort(dim=-1).values
 
 
 def ascending_order(x: Float[Tensor, "*p n"]) -> Int[Tensor, "*p n"]:
     """Indices that put each pixel's values in ascending order."""
     if x.device.type == "cpu":
-        return torch.from_numpy(np.argsort(x.numpy(), axis=-1))
+        return torch.from_numpy(np.argsort(x.detach().numpy(), axis=-1))
     return x.argsort(dim=-1)
 
 

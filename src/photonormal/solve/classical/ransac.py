@@ -30,7 +30,7 @@ class Ransac:
     """
 
     tolerance: float = 0.05
-    triplets: int = 200
+    triplets: int = 100
     refits: int = 3
     seed: int = 0
 

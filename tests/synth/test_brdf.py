@@ -123,7 +123,9 @@ def test_splits_share_no_name(data):
 def test_the_three_fits_of_a_matt_material_agree(data, name):
     cos = torch.full((1, 1, 1), math.cos(math.radians(20)))
     h = torch.full_like(cos, math.cos(math.radians(10)))  # light at 20 degrees, view along the normal
-    values = [named(data / "brdf", family, name)(cos, torch.ones_like(cos), h, h) for family in ("sgd", "abc", "neural")]
+    values = [
+        named(data / "brdf", family, name)(cos, torch.ones_like(cos), h, h) for family in ("sgd", "abc", "neural")
+    ]
     for f in values[1:]:
         assert torch.allclose(f.flatten(), values[0].flatten(), rtol=0.25, atol=0.02)
 

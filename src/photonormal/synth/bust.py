@@ -120,7 +120,7 @@ _SEEDS = [  # where each glaze is: entry of the palette, then points in the bust
 def glazes(bust: Bust) -> Coats:
     """Ivory skin, bronze hair and a blue-green drapery with a worn, stained glaze."""
     b = len(bust.R)
-    drawn = draw_coats(rng(4), b, (1.0, 0, 0, 0, 0, 0), 1.0, None)
+    drawn = draw_coats(rng(4), b, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 1.0, None)
     seeds, entries = [], []
     for entry, points in _SEEDS:
         for x, y, z in points:

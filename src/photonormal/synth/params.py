@@ -44,7 +44,7 @@ def tensor(values: Any) -> Tensor:
 
 def log_uniform(g: np.random.Generator, low: Any, high: Any, shape: Any) -> np.ndarray:
     """Numbers whose logarithm is uniform over [low, high]."""
-    return np.exp(g.uniform(np.log(low), np.log(high), shape))
+    return np.asarray(np.exp(g.uniform(np.log(low), np.log(high), shape)))
 
 
 def unit_vectors(g: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:

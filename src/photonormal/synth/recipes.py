@@ -83,7 +83,7 @@ RECIPES: dict[str, Recipe] = {
     ),
     "lambert": Recipe(
         lights=(32, 32),
-        shapes=(1.0, 0, 0, 0, 0, 0, 0),
+        shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         detail=0.0,
         materials=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         varying=0.0,

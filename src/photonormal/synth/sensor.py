@@ -13,18 +13,19 @@ from photonormal.synth.params import tensor
 from photonormal.synth.recipes import Recipe
 
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
+JUMP = 3.0  # pixels of depth by which a surface breaks off
 Pictures = Float[Tensor, "c n 3 h w"]
 
 
 def expose(I: Pictures, crops: int, saturated: Float[Tensor, " b"]) -> Pictures:
-    """Scale each scene (of `crops` windows each) so that the share `saturated` of its samples exceeds 1."""
+    """Scale each scene (of `crops` windows each) so that the share `saturated` of its samples exceeds 1, or none."""
     b = len(saturated)
-    samples = I.view(b, crops, *I.shape[1:])[:, :, :, 1].flatten(1)  # green
-    step = max(1, samples.shape[1] // 65536) | 1
-    samples = samples[:, ::step].sort(-1).values
-    on = (samples > 0).sum(-1)
-    rank = samples.shape[1] - 1 - (on * saturated).long()
-    level = samples.gather(1, rank[:, None]).clamp(min=1e-6)[:, 0]  # (b,)
+    samples = I.view(b, crops, *I.shape[1:]).transpose(2, 3).flatten(3)  # (b, crops, 3, n h w)
+    brightest = samples.amax((1, 2, 3))
+    samples = samples[:, :, 1, :: max(1, crops * samples.shape[3] // 32768) | 1].flatten(1).sort(-1).values  # green
+    rank = samples.shape[1] - 1 - ((samples > 0).sum(-1) * saturated).long()
+    level = samples.gather(1, rank[:, None])[:, 0]
+    level = torch.where(saturated > 0, level, brightest).clamp(min=1e-6)  # (b,)
     return I / level.repeat_interleave(crops).view(-1, 1, 1, 1, 1)
 
 
@@ -63,11 +64,11 @@ def soften(
     """
     h, w = I.shape[-2:]
     z = torch.where(mask, height, -1e3)
-    padded = torch.nn.functional.pad(z[:, None], (1, 1, 1, 1), mode="replicate")[:, 0]
-    drop = torch.stack([padded[:, 1 + dr : 1 + dr + h, 1 + dc : 1 + dc + w] for dr, dc in SIDES]) - z  # (4, c, h, w)
-    jump, side = drop.abs().max(0)
-    slope = drop.abs().sort(0).values[1]  # of a steep but unbroken surface the opposite sides are alike
-    window, row, col = (mask & (jump > 2.5 + 2 * slope)).nonzero().unbind(1)
+    padded = torch.nn.functional.pad(z, (1, 1, 1, 1), value=torch.nan)
+    drop = torch.stack([padded[:, 1 + r : 1 + r + h, 1 + c : 1 + c + w] for r, c in SIDES]) - z  # (4, c, h, w)
+    bend = torch.nan_to_num(drop[0::2] + drop[1::2]).abs().amax(0)  # 0 on a plane however steep, and on the border
+    side = torch.nan_to_num(drop).abs().argmax(0)
+    window, row, col = (mask & (bend > JUMP)).nonzero().unbind(1)
     if len(window) == 0:
         return I
     step = torch.tensor(SIDES, device=I.device)[side[window, row, col]]

@@ -1,0 +1,35 @@
+"""Recipes refuse what they don't know."""
+
+import pytest
+
+from photonormal.synth.recipes import RECIPES, check, recipe
+from photonormal.types import InputError
+
+
+def test_all_named_recipes_make_sense():
+    for made in RECIPES.values():
+        check(made)
+
+
+def test_a_field_is_changed_in_a_copy():
+    assert recipe("train", crop=64).crop == 64
+    assert RECIPES["train"].crop == 32
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "message"),
+    [
+        ("trian", {}, "no recipe 'trian'; choose from train, validation"),
+        ("train", {"ligths": (3, 4)}, "a recipe has no 'ligths'; it has size, crop"),
+        ("train", {"lights": (40, 8)}, "1 <= fewest <= most <= 300"),
+        ("train", {"lights": (1, 301)}, "1 <= fewest <= most <= 300"),
+        ("train", {"size": 100}, "divisible by 8"),
+        ("train", {"crop": 256}, "crop <= size"),
+        ("train", {"crops": 0}, "at least 1 each"),
+        ("train", {"shapes": (1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)}, "shares can't be negative"),
+        ("train", {"materials": (0.0,) * 6}, "7 and 6, not all zero, are needed"),
+    ],
+)
+def test_nonsense_is_refused(name, changes, message):
+    with pytest.raises(InputError, match=message):
+        recipe(name, **changes)

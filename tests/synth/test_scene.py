@@ -1,0 +1,86 @@
+"""Rendered scenes obey the image-formation equation."""
+
+import pytest
+import torch
+
+from photonormal.shading import LUMA
+from photonormal.solve.classical.woodham import Woodham
+from photonormal.synth.params import rng
+from photonormal.synth.recipes import recipe
+from photonormal.synth.scene import draw_scenes, frame, render
+from photonormal.synth.stream import render_block
+from photonormal.synth.trace import visible_surface
+
+CPU = torch.device("cpu")
+SIZE = 64
+
+
+def rendered(changes: dict, seed: int = 0, n: int = 8, name: str = "train"):
+    """Images (b, n, 3, p) of three whole scenes, and their geometry and lights."""
+    made = recipe(name, size=SIZE, crop=SIZE, crops=1, zoom=0.0, **changes)
+    scenes = draw_scenes(made, rng(seed), 3, n, None)
+    view, start = frame(scenes, SIZE)
+    geometry = visible_surface(scenes.solids, view, start)
+    pixels = torch.arange(SIZE * SIZE).expand(3, -1)
+    return render(scenes, geometry, pixels, made, None, 0), geometry, scenes.lights
+
+
+def test_lambertian_images_give_back_the_normals_by_least_squares():
+    batch = render_block(recipe("lambert", size=SIZE, crop=SIZE, scenes=3, lights=(12, 12), narrow=1.0), 0, 0, CPU, 3)
+    for images, lights, normals, mask in zip(batch.images, batch.lights, batch.normals, batch.mask, strict=True):
+        n, l = normals[:, mask[0]].T.double(), lights.double()  # (p, 3), (12, 3)
+        reached = (n @ l.T > 0.02).all(1)
+        assert reached.sum() > 300
+        I = torch.einsum("nchw,c->hwn", images, torch.tensor(LUMA))[mask[0]].double()
+        found = Woodham().normals(I, l)[reached]
+        error = torch.rad2deg(torch.linalg.cross(found, n[reached]).norm(dim=1))
+        assert error.max() < 1e-2
+
+
+def test_lambertian_images_are_albedo_times_cosine():
+    changes = {"materials": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0), "shadows": False, "bounce": 0.0, "ambient": 0.0}
+    I, g, L = rendered({**changes, "varying": 0.0})
+    cos = torch.einsum("bip,bni->bnp", g.normals.flatten(2), L).clamp(min=0)
+    for i in range(3):
+        ratio = (I[i] / cos[i, :, None].clamp(min=1e-6)).movedim(1, -1)[cos[i] > 0.1]  # (., 3)
+        if ratio.std(0).max() < 1e-4:  # without a texture the albedo is one colour
+            assert ((ratio > 0) & (ratio < 1)).all()
+            return
+    pytest.fail("all three scenes are textured")
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_shadows_only_take_light_and_the_bounce_only_adds_some(seed):
+    shapes = (0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0)
+    base = {"shapes": shapes, "ambient": 0.0}
+    plain, _, _ = rendered({**base, "shadows": False, "bounce": 0.0}, seed)
+    shadowed, _, _ = rendered({**base, "bounce": 0.0}, seed)
+    bounced, _, _ = rendered({**base, "bounce": 1.0}, seed)
+    assert (plain >= 0).all() and plain.isfinite().all()
+    assert (shadowed <= plain + 1e-6).all() and (shadowed < plain - 1e-3).any()
+    assert (bounced >= shadowed - 1e-6).all() and (bounced > shadowed + 1e-3).any()
+
+
+def test_nothing_is_brighter_than_the_bound_at_mirror_geometry():
+    from photonormal.synth.materials import BRIGHTEST
+
+    I, _, _ = rendered({"materials": (1.0, 0.0, 0.0, 0.0, 0.0, 0.0), "bounce": 0.0, "ambient": 0.0})
+    assert I.max() <= BRIGHTEST + 1e-3
+
+
+def test_a_lamp_far_away_is_a_direction():
+    near, _, _ = rendered({"distance": 1e4, "shadows": False, "bounce": 0.0})
+    far, _, _ = rendered({"shadows": False, "bounce": 0.0})
+    assert torch.allclose(near, far, rtol=1e-2, atol=2e-3)
+
+
+def test_a_lamp_nearby_lights_what_is_near_it_more():
+    changes = {"materials": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0), "shadows": False, "bounce": 0.0, "varying": 0.0}
+    near, g, L = rendered({**changes, "distance": 3.0})
+    far, _, _ = rendered(changes)
+    ratio = (near / far.clamp(min=1e-6))[:, :, 1]  # (b, n, p)
+    x = torch.linspace(-1, 1, SIZE).repeat(SIZE)
+    lit = (far[:, :, 1] > 0.1) & g.mask.flatten(1)[:, None]
+    towards = (x * L[..., :1] > 0.2) & lit
+    away = (x * L[..., :1] < -0.2) & lit
+    assert ratio[towards].mean() > 1.1 * ratio[away].mean()

@@ -1,0 +1,75 @@
+"""A stream is seeded, resumable, endless and never repeats; its windows lie on curved parts of objects."""
+
+from dataclasses import fields
+from itertools import islice
+
+import pytest
+import torch
+
+from photonormal.synth import Batch, Stream
+from photonormal.synth.stream import lights_of
+from photonormal.types import InputError
+
+SMALL = {"size": 48, "crop": 16, "crops": 4, "scenes": 2, "lights": (6, 6)}
+
+
+@pytest.fixture(autouse=True)
+def no_measured_materials(monkeypatch):
+    monkeypatch.delenv("PHOTONORMAL_DATA", raising=False)
+
+
+def batches(n: int, **changes) -> list[Batch]:
+    return list(islice(Stream("train", 4, **{**SMALL, **changes}), n))
+
+
+def same(a: Batch, b: Batch) -> bool:
+    return all(torch.equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(Batch))
+
+
+def test_what_a_batch_holds():
+    batch = batches(1)[0]
+    assert batch.images.shape == (4, 6, 3, 16, 16) and batch.images.dtype == torch.float32
+    assert batch.lights.shape == (4, 6, 3) and batch.normals.shape == (4, 3, 16, 16)
+    assert batch.mask.shape == (4, 1, 16, 16) and batch.mask.dtype == torch.bool
+    assert batch.images.isfinite().all() and (batch.images >= 0).all() and (batch.images <= 1).all()
+    assert torch.allclose(batch.lights.norm(dim=-1), torch.ones(4, 6), atol=1e-5)
+    length = batch.normals.norm(dim=1, keepdim=True)
+    assert torch.allclose(length[batch.mask], torch.ones(int(batch.mask.sum())), atol=1e-4)
+    assert not length[~batch.mask].any()
+    assert not (batch.images * ~batch.mask[:, None]).any()
+    assert (batch.mask.float().mean((1, 2, 3)) >= 0.5).all()
+    flatness = 1 - (batch.normals.sum((2, 3)) / batch.mask.sum((2, 3))).square().sum(1)
+    assert (flatness > 0.009).all()
+
+
+def test_a_stream_goes_on_where_another_stopped_and_never_repeats():
+    whole = batches(5)  # blocks of two batches
+    for step in (1, 2, 3):
+        assert same(batches(1, start_step=step)[0], whole[step])
+    samples = torch.cat([batch.images.flatten(1) for batch in whole])
+    assert len(torch.unique(samples, dim=0)) == 20
+
+
+def test_seeds_decide():
+    assert same(batches(1, seed=3)[0], batches(1, seed=3)[0])
+    assert not same(batches(1, seed=3)[0], batches(1, seed=4)[0])
+
+
+def test_threads_change_nothing():
+    torch.set_num_threads(2)
+    two = batches(2, scenes=10)
+    torch.set_num_threads(1)
+    one = batches(2, scenes=10)
+    assert all(torch.allclose(a.images, b.images, atol=1e-6) for a, b in zip(one, two, strict=True))
+
+
+def test_light_counts_spread_over_the_range_and_stay_in_it():
+    recipe = Stream("train", lights=(8, 64)).recipe
+    counts = [lights_of(recipe, 0, k) for k in range(400)]
+    assert min(counts) == 8 and max(counts) > 56 and max(counts) <= 64
+    assert 18 < sorted(counts)[200] < 28  # log-uniform: the median is sqrt(8 * 64)
+
+
+def test_windows_that_nothing_can_fill_are_an_error():
+    with pytest.raises(InputError, match="lower coverage or crop"):
+        batches(1, shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), coverage=1.01)

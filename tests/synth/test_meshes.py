@@ -72,5 +72,5 @@ def test_unusable_meshes_are_refused_in_one_line(tmp_path):
     with pytest.raises(InputError, match="can't be read as a mesh"):
         load_mesh(tmp_path / "absent.obj")
     (tmp_path / "empty").mkdir()
-    with pytest.raises(InputError, match="holds no .obj"):
+    with pytest.raises(InputError, match=r"holds no \.obj"):
         load_meshes(str(tmp_path / "empty"))

@@ -79,7 +79,7 @@ RECIPES: dict[str, Recipe] = {
         bounce=1.0,
         **{**_WHOLE, "crop": 160},
         **_PERFECT,
-        **{**_NOISELESS, "saturated": 0.04, "noise": 0.002, "smooth_edges": True},
+        **{**_NOISELESS, "saturated": 0.008, "noise": 0.002, "smooth_edges": True},
     ),
     "lambert": Recipe(
         lights=(32, 32),

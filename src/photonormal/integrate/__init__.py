@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -18,7 +19,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
 DEFAULT = "quadratic"
 
 
-def configure(method: str, **options: Any) -> Any:
+def configure(method: str, **options: Any) -> Callable[[Normals, np.ndarray | None], Surface]:
     """A method with its options set; InputError names what exists where the method or an option does not."""
     if method not in METHODS:
         raise InputError(f"no integration {method!r}; choose from {', '.join(METHODS)}.")
@@ -31,31 +32,40 @@ def configure(method: str, **options: Any) -> Any:
 
 
 def integrate(normals: Normals, method: str = DEFAULT, K: np.ndarray | None = None, **options: Any) -> Surface:
-    """The surface that has these normals.
+    """Depth from normals.
 
     Parameters
     ----------
-    normals : unit normals and their mask, which may have several parts and holes
-    method : a key of METHODS
-    K : (3, 3) camera matrix in pixels of the normal map (x right, y down), for a perspective view; None: orthographic
+    normals : unit normals, x right, y up, z to the camera, on a mask that may have several parts and holes
+    method : a key of METHODS: `simchony` is the fastest and meant for masks that fill their rectangle, `quadratic` serves
+        any mask, `bilateral` lets the depth jump
+    K : (3, 3) camera matrix of a perspective view in pixels (x right, y down, row 0 and column 0 at the centre of the first
+        pixel). After a crop the principal point moves with it. None: an orthographic view
     options : the method's fields, by name
 
     Returns
     -------
-    Heights towards the camera in pixels, zero on average in each connected part; with `K`, distances along the optical
-    axis whose logarithm is zero on average in each part: normals alone do not tell how far away a part is.
+    Surface
+        Orthographic: height towards the camera in pixels, zero mean. Perspective: distance along the optical axis, mean
+        one. Either holds for each connected part (4 neighbours) alone: nothing relates the depths of parts that don't touch.
 
     Raises
     ------
     InputError
-        If the method or an option does not exist, `K` is no camera matrix, or no pixel has a normal.
+        If the method or an option does not exist, `K` is no camera matrix, or the mask is empty.
     """
     solver = configure(method, **options)
-    if K is not None and (np.shape(K) != (3, 3) or not np.isfinite(K).all() or not (K[0, 0] > 0 and K[1, 1] > 0)):
-        raise InputError(
-            f"the camera matrix is {np.shape(K)} but 3 x 3 finite numbers with positive focal lengths are needed; "
-            "give fx 0 cx, 0 fy cy, 0 0 1 in pixels."
-        )
     if not normals.mask.any():
         raise InputError("no pixel has a normal but integration needs some; check the mask.")
-    return solver(normals, K)
+    return solver(normals, None if K is None else camera_matrix(K))
+
+
+def camera_matrix(K: Any) -> np.ndarray:
+    """`K` as a (3, 3) float array; raises InputError where it is no camera matrix."""
+    M = np.asarray(K, dtype=np.float64)
+    if M.shape != (3, 3) or not np.isfinite(M).all() or not (M[0, 0] > 0 and M[1, 1] > 0 and (M[2] == (0, 0, 1)).all()):
+        raise InputError(
+            f"the camera matrix is {M.tolist() if M.size == 9 else M.shape} but 3 x 3 finite numbers with positive focal "
+            "lengths are needed; give fx 0 cx, 0 fy cy, 0 0 1 in pixels."
+        )
+    return M

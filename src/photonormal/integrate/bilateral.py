@@ -1,4 +1,5 @@
-"""Discontinuities by bilateral weights: Cao, Santo, Shi, Okura, Matsushita, "Bilateral normal integration", ECCV 2022."""
+"""Integration that lets the depth jump: X. Cao, H. Santo, B. Shi, F. Okura, Y. Matsushita, "Bilateral normal integration",
+ECCV 2022; written from the paper's equations, with a last step of our own."""
 
 from __future__ import annotations
 
@@ -8,52 +9,69 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
 
-from photonormal.integrate.equations import Equations, divergence, equations, laplacian, surface
-from photonormal.integrate.quadratic import solved
-from photonormal.types import Normals, Surface
+from photonormal.integrate.graph import LaggedSolver, PixelGraph
+from photonormal.integrate.slopes import slopes, surface
+from photonormal.types import InputError, Normals, Surface
 
 
 @dataclass(frozen=True)
 class Bilateral:
-    """Each pixel trusts its normal's slope towards the side on which the surface goes on, not across a step in depth.
+    """Every pixel trusts the smoother of its two sides, along rows and along columns.
 
-    Minimises sum w (a dz - b)^2 over every pixel's two neighbours along each axis, where the weights of the two sides
-    sum to one: w = sigmoid(k ((a dz of the other side)^2 - (a dz of this side)^2)), found by reweighting.
+    At pixel i the surface is differentiable from one side at least: a D+ z = b towards the next pixel has weight
+    w = sigmoid(k ((a D- z)^2 - (a D+ z)^2)), a D- z = b towards the last one has 1 - w (a missing neighbour counts as no
+    step). Weighted least squares and weights alternate, from w = 1/2. At a jump both pixels look away from each other.
+
+    The one-sided equations find the jumps, but are of first order where the surface bends. The last solve (`midpoint`)
+    keeps the weights and takes the mean slope of both ends instead, a_i a_j (z_j - z_i) = (a_j b_i + a_i b_j) / 2.
 
     Parameters
     ----------
-    k : how sharply the sides are told apart
-    rounds : reweightings at most
-    change : relative change of the energy at which they stop
-    tolerance : relative residual of each linear solve
+    k : sharpness of the choice between the two sides; 0 is plain weighted least squares, 2 the paper's value
+    grazing : least cosine between a normal and its viewing ray, (0, 1)
+    tolerance : relative change of the energy at which the alternation stops
+    rounds : most alternations
+    midpoint : False gives the paper's method
     """
 
     k: float = 2.0
-    rounds: int = 100
-    change: float = 1e-4
-    tolerance: float = 1e-5
+    grazing: float = 0.01
+    tolerance: float = 1e-4
+    rounds: int = 150
+    midpoint: bool = True
 
-    def __call__(self, normals: Normals, K: np.ndarray | None) -> Surface:
-        e = equations(normals, K)
-        wi = wj = np.full(len(e.i), 0.5)  # of the equation of i towards j, and of j towards i
-        z, energy = None, 0.0
+    def __post_init__(self) -> None:
+        if not (self.k >= 0 and self.rounds >= 1):
+            raise InputError(f"k is {self.k} and rounds {self.rounds}; k >= 0 and at least one round are needed.")
+
+    def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
+        s = slopes(normals, K, self.grazing)
+        graph = PixelGraph(s.mask)
+        i, j, axis = graph.i, graph.j, graph.axis
+        a, b = s.a[s.mask], s.b[:, s.mask]  # (p,), (2, p)
+        ai, aj, bi, bj = a[i], a[j], b[axis, i], b[axis, j]  # (e,) at both ends of every edge
+        solver = LaggedSolver(graph)
+
+        z, energy = np.zeros(len(a)), np.inf
+        wi = wj = np.full(len(i), 0.5)  # weight of i's equation towards j, and of j's towards i
         for _ in range(self.rounds):
-            A = laplacian(e, wi * e.ai**2 + wj * e.aj**2)
-            z = solved(A, divergence(e, wi * e.ai * e.bi + wj * e.aj * e.bj), self.tolerance, z)
-            dz = z[e.j] - z[e.i]
-            before, energy = energy, float((wi * (e.ai * dz - e.bi) ** 2 + wj * (e.aj * dz - e.bj) ** 2).sum())
-            if abs(before - energy) <= self.change * before:
+            z = solver(wi * ai**2 + wj * aj**2, wi * ai * bi + wj * aj * bj, z, rtol=1e-4)
+            dz = graph.D @ z
+            before, energy = energy, float((wi * (ai * dz - bi) ** 2 + wj * (aj * dz - bj) ** 2).sum())
+            if abs(before - energy) <= self.tolerance * energy:
                 break
-            wi, wj = self.weights(e, dz)
-        assert z is not None
-        return surface(normals, z, e, K)
+            wi, wj = self.weights(graph, (ai * dz) ** 2, (aj * dz) ** 2)
+        if self.midpoint:
+            w = wi + wj
+            z = solver(w * (ai * aj) ** 2, w * ai * aj * (aj * bi + ai * bj) / 2, z, rtol=1e-6)
+        return surface(z, normals, K, s.f)
 
     def weights(
-        self, e: Equations, dz: Float[np.ndarray, " e"]
+        self, graph: PixelGraph, next_step: Float[np.ndarray, " e"], last_step: Float[np.ndarray, " e"]
     ) -> tuple[Float[np.ndarray, " e"], Float[np.ndarray, " e"]]:
-        """Weights of both equations of each pair; a side without a neighbour counts as level."""
-        after, behind = np.zeros((2, e.n)), np.zeros((2, e.n))  # (a dz)^2 towards the right or below, and the left or above
-        after[e.axis, e.i] = (e.scale * e.ai * dz) ** 2
-        behind[e.axis, e.j] = (e.scale * e.aj * dz) ** 2
-        w = expit(self.k * (behind - after))  # of the side to the right or below
-        return w[e.axis, e.i], 1 - w[e.axis, e.j]
+        """w of each edge's first pixel and 1 - w of its second, from the squared steps (a D z)^2 as either end sees them."""
+        plus, minus = np.zeros((2, 2, graph.pixels))  # (2, p) along x and along y
+        plus[graph.axis, graph.i] = next_step
+        minus[graph.axis, graph.j] = last_step
+        w = expit(self.k * (minus - plus))  # (2, p)
+        return w[graph.axis, graph.i], 1 - w[graph.axis, graph.j]

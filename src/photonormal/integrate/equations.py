@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from photonormal.types import Normals, Surface
 
-GRAZING = 0.1  # least a: steeper normals say little about the slope and much about noise
+GRAZING = 0.13  # least a: steeper normals say little about the slope and much about noise
 
 
 @dataclass(frozen=True)

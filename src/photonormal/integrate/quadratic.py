@@ -1,4 +1,4 @@
-"""Least squares on any mask: the quadratic integration of Quéau, Durou, Aujol's survey (JMIV 60, 2018)."""
+"""Least squares over the pixels of any mask: Y. Queau, J.-D. Durou, J.-F. Aujol, JMIV 60, 2018 (survey), section 3."""
 
 from __future__ import annotations
 
@@ -6,42 +6,47 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import cg
+from scipy.sparse.linalg import LinearOperator, cg
 
-from photonormal.integrate.equations import divergence, equations, laplacian, surface
+from photonormal.integrate.simchony import divergence, poisson
+from photonormal.integrate.slopes import pairs, slopes, surface
 from photonormal.types import Normals, Surface
 
 
 @dataclass(frozen=True)
 class Quadratic:
-    """z = argmin sum over neighbours of (z_j - z_i - s_i)^2 + (z_j - z_i - s_j)^2 with the slopes s = b / a.
+    """min sum (z_j - z_i - g_ij)^2 over all neighbours i, j on the mask, which may have several parts and holes.
 
-    Smooth surfaces of any outline, in parts and with holes; steps in depth are smoothed over.
+    Smears jumps of the depth over their surroundings. Conjugate gradients with the rectangle's cosine solver
+    (`simchony.poisson`) as preconditioner: about ten iterations for a compact mask, more for a thin or winding one.
 
     Parameters
     ----------
-    tolerance : relative residual at which the solver stops
+    grazing : least cosine between a normal and its viewing ray, (0, 1)
+    tolerance : residual, relative to the right-hand side, at which the iteration stops
     """
 
-    tolerance: float = 1e-5
+    grazing: float = 0.05
+    tolerance: float = 1e-6
 
-    def __call__(self, normals: Normals, K: np.ndarray | None) -> Surface:
-        e = equations(normals, K)
-        slope = (e.bi / e.ai + e.bj / e.aj) / 2
-        z = solved(laplacian(e, np.ones(len(e.i))), divergence(e, slope), self.tolerance)
-        return surface(normals, z, e, K)
+    def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
+        s = slopes(normals, K, self.grazing)
+        z = self.solve(s.mask, divergence(*s.along_edges()))
+        return surface(z[s.mask], normals, K, s.f)
 
+    def solve(self, mask: np.ndarray, f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+        """z with div grad z = f where no flow crosses the border of the mask; `f` sums to zero on each of its parts."""
+        right, down = pairs(mask)
 
-def solved(
-    A: csr_matrix,
-    b: Float[np.ndarray, " n"],
-    tolerance: float,
-    start: Float[np.ndarray, " n"] | None = None,
-) -> Float[np.ndarray, " n"]:
-    """A z = b by conjugate gradients, preconditioned by one cycle of algebraic multigrid."""
-    import pyamg
+        def laplacian(z: np.ndarray) -> np.ndarray:
+            z = z.reshape(mask.shape)
+            return divergence(right * -np.diff(z, axis=1), down * -np.diff(z, axis=0)).ravel()
 
-    cycle = pyamg.ruge_stuben_solver(A, max_coarse=500).aspreconditioner()
-    z, _ = cg(A, b, x0=start, rtol=tolerance, maxiter=1000, M=cycle)
-    return z
+        def rectangle(r: np.ndarray) -> np.ndarray:
+            return poisson(-r.reshape(mask.shape)).ravel()
+
+        def operator(matvec) -> LinearOperator:
+            return LinearOperator((mask.size, mask.size), matvec=matvec, dtype=np.float64)  # pyright: ignore[reportCallIssue]
+
+        z, _ = cg(operator(laplacian), -f.ravel(), rtol=self.tolerance, M=operator(rectangle), maxiter=2000)
+        return z.reshape(mask.shape)

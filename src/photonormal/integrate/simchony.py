@@ -1,36 +1,53 @@
-"""Poisson's equation on a rectangle by cosine transforms: Simchony, Chellappa, Shao, TPAMI 12(5), 1990."""
+"""Poisson integration by cosine transforms: T. Simchony, R. Chellappa, M. Shao, IEEE TPAMI 12(5), 1990."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float
 from scipy.fft import dctn, idctn
 
-from photonormal.integrate.equations import equations, surface
-from photonormal.types import Normals, Surface
+from photonormal.integrate.slopes import slopes, surface
+from photonormal.types import Normals, Surface, cores
 
 
 @dataclass(frozen=True)
 class Simchony:
-    """The least-squares surface over the mask's bounding rectangle, level outside the mask: by far the fastest.
+    """Least squares over the whole bounding rectangle of the mask, in closed form.
 
-    Exact where the mask fills the rectangle; elsewhere the level surroundings bend the surface near the outline.
+    Off the mask slopes count as zero, which bends the surface near every border that is not the rectangle's own, and levels
+    parts that the mask keeps apart. The fastest method, and exact least squares where the mask is a rectangle.
+
+    Parameters
+    ----------
+    grazing : least cosine between a normal and its viewing ray, (0, 1)
     """
 
-    def __call__(self, normals: Normals, K: np.ndarray | None) -> Surface:
-        e = equations(normals, K)
-        rows, columns = np.nonzero(normals.mask)
-        rows, columns = rows - rows.min(), columns - columns.min()
-        h, w = rows.max() + 1, columns.max() + 1
-        slope = (e.bi / e.ai + e.bj / e.aj) / 2  # z_j - z_i
-        divergence = np.zeros((h, w))
-        into = np.bincount(e.j, slope, e.n) - np.bincount(e.i, slope, e.n)
-        divergence[rows, columns] = -into
-        # laplacian(z) = divergence with natural boundaries; its eigenvectors are cosines
-        u, v = np.arange(w), np.arange(h)[:, None]
-        eigenvalues = (2 * np.cos(np.pi * u / w) - 2) + (2 * np.cos(np.pi * v / h) - 2)
-        eigenvalues[0, 0] = 1
-        z = dctn(divergence, workers=-1) / eigenvalues
-        z[0, 0] = 0
-        return surface(normals, idctn(z, workers=-1)[rows, columns], e, K)
+    grazing: float = 0.05
+
+    def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
+        s = slopes(normals, K, self.grazing)
+        z = poisson(divergence(*s.along_edges()))
+        return surface(z[s.mask], normals, K, s.f)
+
+
+def divergence(gx: Float[np.ndarray, "h w-1"], gy: Float[np.ndarray, "h-1 w"]) -> Float[np.ndarray, "h w"]:
+    """What flows out of each pixel along its edges; nothing crosses the border. Minus the adjoint of `np.diff`."""
+    f = np.zeros((len(gx), gy.shape[1]))
+    f[:, :-1] += gx
+    f[:, 1:] -= gx
+    f[:-1] += gy
+    f[1:] -= gy
+    return f
+
+
+def poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """z of zero mean with div grad z = f (five-point, no flow through the border); the mean of `f` is ignored.
+
+    Cosines are the eigenvectors: z^ = f^ / ((2 cos(pi u / w) - 2) + (2 cos(pi v / h) - 2)).
+    """
+    v, u = (2 * np.cos(np.pi * np.arange(n) / n) - 2 for n in f.shape)
+    eigenvalues = v[:, None] + u  # (h, w)
+    eigenvalues[0, 0] = np.inf
+    return idctn(dctn(f, workers=cores()) / eigenvalues, workers=cores(), overwrite_x=True)

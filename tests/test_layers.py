@@ -9,7 +9,7 @@ SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
 BASE = {"types", "geometry", "shading"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "types": set(),
-    "geometry": set(),
+    "geometry": {"types"},
     "shading": set(),
     "progress": set(),
     "capture": BASE,

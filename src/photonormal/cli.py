@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +12,41 @@ import tyro
 from tyro.conf import Positional
 
 from photonormal.types import InputError
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """How the photographs are read."""
+
+    images: str = ""
+    """Subset of the photographs by number, such as 1-10,15; all by default."""
+    format: str = "auto"
+    """Layout of the capture, when its content does not tell: diligent, rti, folder, ..."""
+    lights: Path | None = None
+    """File with light directions, instead of the capture's own."""
+    mask: Path | None = None
+    """Mask picture, white on the object, instead of the capture's own."""
+    srgb: bool = False
+    """The photographs are sRGB-encoded, as camera JPEGs are, and have to be linearised."""
+    linear: bool = False
+    """They are linear, though JPEGs declare sRGB in their Exif data, which is believed otherwise."""
+    frame: str = "opengl"
+    """Frame of the light directions: opengl (y up, z to the camera), directx (y down), y-down (and z away)."""
+    intensities: Path | None = None
+    """File with light intensities, instead of the capture's own."""
+    exif_exposure: bool = False
+    """Divide by the exposures that the photographs tell in their Exif data."""
+    dark: Path | None = None
+    """Picture taken with all lights off, which is subtracted: ambient light and the sensor's black."""
+    flat: Path | None = None
+    """Picture of an even white surface, by which the photographs are divided: vignetting and dust."""
+    hot_pixels: bool = False
+    """Replace pixels that stand out of their surroundings in the dark picture, or in all photographs."""
+    lens: Path | None = None
+    """Lens calibration that OpenCV wrote (.yml), whose distortion is taken out."""
+
+
+Read = Annotated[Photographs, tyro.conf.arg(name="")]
 
 
 @dataclass(frozen=True)
@@ -26,16 +61,6 @@ class Measure:
     """One of `photonormal methods`."""
     device: str = "auto"
     """auto, cpu or cuda."""
-    images: str = ""
-    """Subset of the photographs by number, such as 1-10,15; all by default."""
-    format: str = "auto"
-    """Layout of the capture, when its content does not tell: diligent, rti, folder, ..."""
-    lights: Path | None = None
-    """File with light directions, instead of the capture's own."""
-    mask: Path | None = None
-    """Mask picture, white on the object, instead of the capture's own."""
-    srgb: bool = False
-    """The photographs are sRGB-encoded, as camera JPEGs are, and have to be linearised."""
     integration: str = "quadratic"
     """How depth is found: simchony, quadratic or bilateral."""
     camera: Path | None = None
@@ -44,6 +69,7 @@ class Measure:
     """Write depth and mesh."""
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
+    read: Read = Photographs()
 
     def __call__(self) -> int:
         from photonormal.measure import measure
@@ -57,11 +83,7 @@ class Measure:
             overwrite=self.overwrite,
             integration=self.integration,
             camera=self.camera,
-            format=self.format,
-            images=self.images,
-            lights=self.lights,
-            mask=self.mask,
-            srgb=self.srgb,
+            **asdict(self.read),
         )
         for warning in report["warnings"]:
             print(f"photonormal: warning: {warning}", file=sys.stderr)
@@ -191,18 +213,10 @@ class Check:
     """Folder with photographs and lights, an .lp file, or `demo`."""
     out: Path | None = None
     """Folder for a report, a polar plot of the lights, and corrected lights where other ones fit the photographs."""
-    images: str = ""
-    """Subset of the photographs by number, such as 1-10,15; all by default."""
-    format: str = "auto"
-    """Layout of the capture."""
-    lights: Path | None = None
-    """File with light directions, instead of the capture's own."""
-    mask: Path | None = None
-    """Mask picture, white on the object, instead of the capture's own."""
-    srgb: bool = False
-    """The photographs are sRGB-encoded and have to be linearised."""
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
+
+    read: Read = Photographs()
 
     def __call__(self) -> int:
         from photonormal.rig import check
@@ -211,11 +225,7 @@ class Check:
             self.capture,
             self.out,
             overwrite=self.overwrite,
-            format=self.format,
-            images=self.images,
-            lights=self.lights,
-            mask=self.mask,
-            srgb=self.srgb,
+            **asdict(self.read),
         )
         for finding in found:
             print(f"{'grave' if finding.grave else 'note'}: {finding.kind}: {finding.message}")
@@ -273,6 +283,50 @@ class Bench:
 
 
 @dataclass(frozen=True)
+class Intensities:
+    """Intensities of the lights, from a matt board under each of them or from the object's own shading."""
+
+    capture: Positional[Path]
+    """Folder with photographs and lights, or an .lp file."""
+    out: Path = Path("light_intensities.txt")
+    """Table to write; it is read where it lies beside the photographs, or named by --intensities."""
+    reference: Path | None = None
+    """Folder with photographs of a matt white or grey board that faces the camera, under the same lights in order."""
+    region: str = ""
+    """Where the board is, x0,y0,x1,y1 in pixels: in the reference's photographs, or in the object's without one."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+    read: Read = Photographs()
+
+    def __call__(self) -> int:
+        from photonormal.rig import intensities
+
+        e = intensities(
+            self.capture, self.out, self.reference, self.region, overwrite=self.overwrite, **asdict(self.read)
+        )
+        print(f"{len(e)} intensities from {e.min():.3f} to {e.max():.3f}: {self.out}")
+        return 0
+
+
+@dataclass(frozen=True)
+class Mask:
+    """A mask picture from the object's shading, with a preview."""
+
+    folder: Positional[Path]
+    """Photographs of a lit object on a darker ground."""
+    out: Path = Path("mask.png")
+    """Picture to write, white on the object; a preview is written beside it."""
+    overwrite: bool = False
+    """Replace files that exist."""
+
+    def __call__(self) -> int:
+        from photonormal.rig import draw_mask
+
+        print(", ".join(str(p) for p in draw_mask(self.folder, self.out, self.overwrite)))
+        return 0
+
+
+@dataclass(frozen=True)
 class Table:
     """Tables of stored predictions: errors, published figures beside them, seconds and memory."""
 
@@ -304,6 +358,34 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Figure:
+    """A figure from stored predictions, or from training logs, as PNG and PDF."""
+
+    name: Positional[str]
+    """errors, normals, images, seconds, materials or convergence."""
+    places: Positional[tuple[str, ...]]
+    """The folder that `bench` wrote; for convergence, folders of trainings, as FOLDER or LABEL=FOLDER."""
+    out: Path | None = None
+    """Folder to write into; by default `figures` in the folder of runs."""
+    dataset: str = ""
+    """Which dataset, where the runs hold several."""
+    methods: str = ""
+    """Only these, like woodham,l1, in this order."""
+    objects: str = ""
+    """Only these, like ball,cat, in this order."""
+    limit: float | None = None
+    """Error in degrees of the last colour of error maps."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.figures import figure
+
+        methods, objects = listed(self.methods), listed(self.objects)
+        for path in figure(self.name, self.places, self.out, self.dataset, methods, objects, self.limit):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -322,9 +404,12 @@ Command = (
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Integrate, tyro.conf.subcommand("integrate")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
+    | Annotated[Intensities, tyro.conf.subcommand("intensities")]
+    | Annotated[Mask, tyro.conf.subcommand("mask")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Table, tyro.conf.subcommand("table")]
+    | Annotated[Figure, tyro.conf.subcommand("figure")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )
 

@@ -5,6 +5,21 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.types import InputError
+
+FRAMES = {  # vectors of another convention times these are in ours (x right, y up, z to the camera), and back
+    "opengl": (1.0, 1.0, 1.0),  # DiLiGenT, PS-FCN, relight's .lp and normal maps; ours
+    "directx": (1.0, -1.0, 1.0),  # green down: y down, z to the camera
+    "y-down": (1.0, -1.0, -1.0),  # cameras of OpenCV, LUCES and AliceVision: y down, z into the scene
+}
+
+
+def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
+    """Vectors of our frame in the one called `name`, and the other way round."""
+    if name not in FRAMES:
+        raise InputError(f"no frame {name!r}; choose from {', '.join(FRAMES)}.")
+    return v * np.array(FRAMES[name], v.dtype)
+
 
 def normalised(v: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:
     """Vectors of length one in the direction of `v`; zero stays zero."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +22,13 @@ from photonormal.capture.texts import read_lines
 from photonormal.export.folder import REPORT, write
 from photonormal.geometry import angle_deg
 from photonormal.progress import progress
-from photonormal.types import InputError
+from photonormal.types import InputError, cores
 
 if TYPE_CHECKING:
     from photonormal.check.finding import Finding
 
+REFERENCE_PIXELS = 3000  # of the object that intensities are found from
+MASK_PICTURES = 16  # that a mask is found from
 AUTO = "AUTO"  # the spheres are in the object's own photographs
 
 
@@ -170,6 +173,100 @@ def check(
             (folder / "corrected.png").write_bytes(encode_png(polar_plot(fixed)))
         written = [Path(out) / p.name for p in sorted(folder.iterdir())]
     return found, written
+
+
+def intensities(
+    capture: str | Path,
+    out: str | Path = "light_intensities.txt",
+    reference: str | Path | None = None,
+    region: str = "",
+    overwrite: bool = False,
+    **how: Any,
+) -> np.ndarray:
+    """Intensities (n, c) of a capture's lights, their mean 1, written as a table.
+
+    Parameters
+    ----------
+    capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
+    out : `light_intensities.txt`, which is read where it lies beside the photographs
+    reference : folder with photographs of a matt white or grey board that faces the camera, under the same lights in
+        the same order; without it and `region`, intensities are found from the object's own shading
+    region : "x0,y0,x1,y1" in pixels: where the board is, in the reference's photographs or in the object's; the whole
+        frame of the reference without it
+    """
+    from photonormal.calibrate import files as text
+    from photonormal.calibrate.intensities import from_reference, self_calibrated
+
+    out = Path(out)
+    if out.exists() and not overwrite:
+        raise InputError(f"{out} exists; choose another --out, or add --overwrite to replace it.")
+    photographs = load(capture, **how)
+    n, c = photographs.images.shape[0], photographs.images.shape[3]
+    L = photographs.known_lights()
+    with progress("intensities"):
+        if reference is not None or region:
+            paths = numbered_pictures(Path(reference if reference is not None else capture))
+            if len(paths) != n:
+                raise InputError(
+                    f"{reference or capture} holds {len(paths)} photographs of the board but {n} are needed."
+                )
+            images = ImageFiles(paths, None, np.ones((n, 1)), bool(how.get("srgb")))
+            box = _region(region, images.shape[1:3])
+            levels = np.stack(images_of(images, lambda image: np.median(image[box], axis=(0, 1))))
+            e = from_reference(levels, str(reference or capture), np.array([0.0, 0, 1]), L)
+        else:
+            inside = np.flatnonzero(photographs.mask)
+            pixels = inside[:: max(1, inside.size // REFERENCE_PIXELS)]
+            I = np.stack(photographs.map_images(lambda _, image: image.reshape(-1, c)[pixels]), axis=1)  # (p, n, c)
+            I = I[np.all((I > 0).any(1), axis=-1)].astype(np.float64)
+            if len(I) < 100:
+                raise InputError(f"{photographs.name} shows too little light on the object to tell intensities from.")
+            e = np.stack([self_calibrated(I[..., k], L)[0] for k in range(c)], axis=-1)
+    write(out, text.table(e))
+    return e
+
+
+def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool = False) -> tuple[Path, Path]:
+    """The object's mask from its shading, and a preview of it, as pictures; returns their paths."""
+    from photonormal.calibrate.mask import mask_from_shading
+    from photonormal.export.normal_maps import encode_png
+
+    out = Path(out)
+    shown = out.with_name(f"{out.stem}_preview.png")
+    taken = [p for p in (out, shown) if p.exists()]
+    if taken and not overwrite:
+        raise InputError(f"{taken[0]} exists; choose another --out, or add --overwrite to replace it.")
+    paths = numbered_pictures(Path(folder))
+    images = ImageFiles(paths[:: max(1, len(paths) // MASK_PICTURES)], None, np.ones((len(paths), 1)))
+    pictures = np.stack(images_of(images, lambda image: image.mean(-1)))
+    mask = mask_from_shading(pictures)
+    level = np.quantile(pictures, 0.9, axis=0)
+    grey = np.rint(255 * (level / max(float(np.quantile(level, 0.99)), 1e-12)).clip(0, 1) ** (1 / 2.2))
+    preview = np.repeat(grey[..., None], 3, axis=-1)
+    preview[~mask] = preview[~mask] / 3 + np.array([0, 0, 90])
+    write(out, encode_png(mask.astype(np.uint8) * np.uint8(255)))
+    write(shown, encode_png(preview.astype(np.uint8)))
+    return out, shown
+
+
+def images_of(images: ImageFiles, f: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
+    """``f(image)`` of every picture, in order, in threads."""
+    with ThreadPoolExecutor(cores()) as pool:
+        return list(pool.map(lambda j: f(images[j]), range(len(images))))
+
+
+def _region(text: str, shape: Sequence[int]) -> tuple[slice, slice]:
+    if not text:
+        return slice(0, shape[0]), slice(0, shape[1])
+    try:
+        x0, y0, x1, y1 = (int(v) for v in text.split(","))
+    except ValueError:
+        raise InputError(
+            f"--region {text[:40]!r} came but x0,y0,x1,y1 in whole pixels is needed; correct it."
+        ) from None
+    if not (0 <= x0 < x1 <= shape[1] and 0 <= y0 < y1 <= shape[0]):
+        raise InputError(f"--region {text} lies outside the photographs of {shape[1]} x {shape[0]} pixels; correct it.")
+    return slice(y0, y1), slice(x0, x1)
 
 
 def numbered_pictures(folder: Path) -> list[Path]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from photonormal.types import Capture, InputError
 
@@ -26,6 +27,11 @@ def load(
     lights: str | Path | None = None,
     mask: str | Path | None = None,
     srgb: bool = False,
+    intensities: str | Path | None = None,
+    dark: str | Path | None = None,
+    flat: str | Path | None = None,
+    lens: str | Path | None = None,
+    **choices: Any,
 ) -> Capture:
     """Photographs, mask and light directions of one object.
 
@@ -39,6 +45,10 @@ def load(
     lights : file with light directions, instead of the capture's own
     mask : mask picture, instead of the capture's own
     srgb : the pictures are sRGB-encoded (camera JPEGs are) and have to be linearised
+    intensities : file with light intensities, instead of the capture's own
+    dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by
+    lens : calibration that OpenCV wrote, whose distortion is taken out
+    choices : `linear`, `exif_exposure`, `hot_pixels` and `frame`, see `photonormal.capture.assemble.Choice`
 
     Raises
     ------
@@ -50,7 +60,9 @@ def load(
     if format != "auto" and format not in FORMATS:
         raise InputError(f"no format {format!r}; choose from auto, {', '.join(FORMATS)}.")
     path = Path(path)
-    choice = Choice(images, Path(lights) if lights else None, Path(mask) if mask else None, srgb)
+    files = {"lights": lights, "mask": mask, "intensities": intensities, "dark": dark, "flat": flat, "lens": lens}
+    given = {name: Path(file) for name, file in files.items() if file}
+    choice = Choice(images=images, srgb=srgb, **given, **choices)
     try:
         if path == Path("demo") and not path.exists():
             path = DEMO

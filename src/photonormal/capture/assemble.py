@@ -10,10 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.capture.corrections import Corrected, Lens, flat_field, hot_pixels, read_frame, read_lens
 from photonormal.capture.decode import SUFFIXES
+from photonormal.capture.exif import declared_srgb, exposures
 from photonormal.capture.images import ImageFiles, Picture, parts, read_mask
 from photonormal.capture.lights import in_order_of, read_lights
-from photonormal.types import Capture, InputError, Normals
+from photonormal.capture.texts import read_intensities
+from photonormal.geometry import in_frame
+from photonormal.types import Capture, Images, InputError, Normals
 
 
 @dataclass(frozen=True)
@@ -26,12 +30,27 @@ class Choice:
     lights : file with light directions, instead of the folder's own; `.lp`, CSV or a table
     mask : mask picture, instead of the folder's own
     srgb : the pictures are sRGB-encoded and have to be linearised
+    linear : they are not, though 8-bit pictures say so in their Exif data, which is believed otherwise
+    intensities : file with light intensities (n, 1 or 3), instead of the folder's own
+    exif_exposure : divide by the exposures that the pictures tell in their Exif data
+    dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by
+    hot_pixels : replace pixels that stand out of their surroundings in `dark`, or in every picture
+    lens : calibration that OpenCV wrote, whose distortion is taken out
+    frame : frame of the light directions, a key of photonormal.geometry.FRAMES
     """
 
     images: str = ""
     lights: Path | None = None
     mask: Path | None = None
     srgb: bool = False
+    linear: bool = False
+    intensities: Path | None = None
+    exif_exposure: bool = False
+    dark: Path | None = None
+    flat: Path | None = None
+    hot_pixels: bool = False
+    lens: Path | None = None
+    frame: str = "opengl"
 
 
 def assemble(
@@ -59,6 +78,8 @@ def assemble(
             f"{name} has {n} pictures but {len(lights)} light directions; give one direction for each picture, "
             "in the same order, and remove pictures that are not part of the capture."
         )
+    if lights is not None:
+        lights = in_frame(lights, choice.frame)
     chosen = parse_images(choice.images, n)
     missing = [path for j in chosen for path in parts(pictures[j]) if not os.path.isfile(path)]
     if missing:
@@ -67,15 +88,23 @@ def assemble(
             f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list "
             "that names it or choose others with --images."
         )
+    if choice.intensities is not None:
+        intensities = read_intensities(choice.intensities, n)
     if intensities is None:
         intensities = np.ones((n, 1))
+    if choice.exif_exposure:
+        intensities = intensities * exposures([parts(p)[0] for p in pictures])
     if choice.mask is not None:
         mask = choice.mask
     if isinstance(mask, Path):
         mask = read_mask(mask)
-    files = ImageFiles([pictures[j] for j in chosen], mask, intensities[chosen], choice.srgb)
+    srgb = choice.srgb or (not choice.linear and declared_srgb(parts(pictures[chosen[0]])[0]))
+    files = ImageFiles([pictures[j] for j in chosen], None if choice.lens else mask, intensities[chosen], srgb)
+    images, lens = corrected(files, choice)
+    if lens is not None and mask is not None:
+        mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
     return Capture(
-        images=files,
+        images=images,
         mask=np.ones(files.shape[1:3], bool) if mask is None else mask,
         lights=None if lights is None else lights[chosen],
         truth=None if truth is None else known_normals(truth),
@@ -83,6 +112,27 @@ def assemble(
         name=name,
         image_names=tuple(names[j] for j in chosen),
     )
+
+
+def corrected(files: ImageFiles, choice: Choice) -> tuple[Images, Lens | None]:
+    """The pictures without what `choice` names: dark level, flat field, hot pixels, distortion; and the lens."""
+    lens = read_lens(choice.lens) if choice.lens else None
+    shape, linear = files.shape[1:], files.linear
+    dark = read_frame(choice.dark, shape, "dark frame", linear) if choice.dark else None
+    flat = None
+    if choice.flat:
+        flat = flat_field(read_frame(choice.flat, shape, "flat field", linear), dark, choice.flat)
+    hot = None
+    if choice.hot_pixels:
+        level = dark
+        if level is None:
+            level = files[0] * files.intensities[0]
+            for j in range(1, len(files)):
+                level = np.minimum(level, files[j] * files.intensities[j])
+        hot = hot_pixels(level)
+    if lens is None and dark is None and flat is None and hot is None:
+        return files, None
+    return Corrected(files, dark, flat, hot, lens), lens
 
 
 def known_normals(map: np.ndarray) -> Normals:
@@ -129,7 +179,9 @@ def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
 
 def find_pictures(folder: Path) -> list[Path]:
     """Picture files of a folder in natural order, without masks, mattes and normal maps."""
-    other = re.compile(r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary|spheres)$", re.IGNORECASE)
+    other = re.compile(
+        r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary|spheres|preview)$", re.IGNORECASE
+    )
     return sorted((p for p in _picture_files(folder) if not other.search(p.stem)), key=natural)
 
 

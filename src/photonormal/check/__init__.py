@@ -21,11 +21,11 @@ def check(capture: Capture) -> list[Finding]:
     found = [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
     found += motion.motion(s.edges, s.scale, names)
     if capture.lights is not None and (s.I > 0).any():
-        L = capture.lights
+        L, (I, mask) = capture.lights, samples.on_object(s)
         found += coverage.coverage(L)
-        wrong = lights.disagreement(s.I, s.mask, L, names)
+        wrong = lights.disagreement(I, mask, L, names)
         found += wrong
         if wrong and wrong[0].lights is not None:
             L = wrong[0].lights  # what is to be said of the lights holds for the right ones
-        found += [*lights.intensities(s.I, L, names), *lights.ambient(s.I, L), *exposure.encoding(s, L)]
+        found += [*lights.intensities(I, L, names), *lights.ambient(I, L), *exposure.encoding(I, s.bits, L)]
     return sorted(found, key=lambda f: not f.grave)

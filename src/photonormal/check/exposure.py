@@ -88,11 +88,11 @@ def bits(samples: Samples, capture: Capture) -> list[Finding]:
     ]
 
 
-def encoding(samples: Samples, L: np.ndarray) -> list[Finding]:
+def encoding(I: np.ndarray, bits: int | None, L: np.ndarray) -> list[Finding]:
     """Eight-bit pictures that fit the linear model better once they are linearised."""
-    if samples.bits != 8:
+    if bits != 8:
         return []
-    I = samples.I[:: max(1, len(samples.I) // PIXELS)] / max(float(samples.I.max()), 1e-12)
+    I = I[:: max(1, len(I) // PIXELS)] / max(float(I.max()), 1e-12)
     linear = np.where(I <= 0.04045, I / 12.92, ((I + 0.055) / 1.055) ** 2.4)
     as_is, decoded = _misfit(I, L), _misfit(linear, L)
     if decoded > ENCODED * as_is:

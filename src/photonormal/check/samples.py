@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.types import Capture
+from photonormal.calibrate.mask import mask_from_shading
+from photonormal.types import Capture, InputError
 
 PIXELS = 40_000  # at most, on a regular grid: slopes of the normals need neighbours
 EDGE_SIZE = 400  # longest side of the pictures whose edges tell motion
@@ -76,6 +77,20 @@ def read(capture: Capture) -> Samples:
         scale,
         max(bits) if kind.kind == "u" else None,
     )
+
+
+def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarray, "h w"]]:
+    """Grey levels and mask of the object; where no mask was given, of what stands out of the ground, if anything does.
+
+    The ground is seldom lit as evenly as the tests of the lights suppose, and has no outline.
+    """
+    if not samples.mask.all():
+        return samples.I, samples.mask
+    try:
+        mask = mask_from_shading(samples.I.T.reshape(-1, *samples.mask.shape))
+    except InputError:
+        return samples.I, samples.mask
+    return samples.I[mask.ravel()], mask
 
 
 def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:

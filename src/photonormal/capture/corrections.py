@@ -1,0 +1,146 @@
+"""What has to be taken out of photographs as they come: dark frame, flat field, hot pixels, lens distortion.
+
+A sample is s = g (e I) + d with the dark level d and the flat field g: I = (s - d) / (g e).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.capture.decode import decode, full_scale
+from photonormal.capture.images import ImageFiles
+from photonormal.types import Image, InputError
+
+LEAST_FLAT = 0.02  # of the flat field's median: darker places hold no light to divide by
+HOT, RATIO = 0.03, 1.5  # of full scale, and times the median of its neighbours: above both a pixel is hot
+NAMES = (("camera_matrix", "cameraMatrix", "K", "mtx"), ("distortion_coefficients", "distCoeffs", "D", "dist"))
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Camera matrix (3, 3) in pixels and OpenCV's distortion coefficients."""
+
+    K: Float[np.ndarray, "3 3"]
+    distortion: Float[np.ndarray, " k"]
+
+    def undistorted(self, picture: np.ndarray, nearest: bool = False) -> np.ndarray:
+        """The picture as a camera with the same matrix and no distortion would have taken it."""
+        import cv2
+
+        h, w = picture.shape[:2]
+        x, y = cv2.initUndistortRectifyMap(self.K, self.distortion, np.eye(3), self.K, (w, h), cv2.CV_32FC1)
+        how = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
+        return cv2.remap(picture, x, y, how, borderMode=cv2.BORDER_CONSTANT).reshape(picture.shape)
+
+
+class Corrected:
+    """Pictures (n, h, w, c) of another sequence, corrected one by one (`photonormal.types.Images`).
+
+    Parameters
+    ----------
+    images : linear radiance divided by the intensities of the lights
+    dark : (h, w, 1 or c) level with all lights off, as a fraction of full scale; or None
+    flat : (h, w, 1 or c) relative brightness of an even white surface; or None
+    hot : (h, w) bool, pixels to be replaced by the median of their neighbours; or None
+    lens : whose distortion is taken out; or None
+    """
+
+    def __init__(
+        self,
+        images: ImageFiles,
+        dark: np.ndarray | None = None,
+        flat: np.ndarray | None = None,
+        hot: Bool[np.ndarray, "h w"] | None = None,
+        lens: Lens | None = None,
+    ):
+        self.images, self.dark, self.flat, self.hot, self.lens = images, dark, flat, hot, lens
+        self.shape, self.dtype, self.intensities = images.shape, images.dtype, images.intensities
+
+    def __getitem__(self, j: int) -> Image:
+        image = self.images[j]
+        if self.dark is not None:
+            image = np.maximum(image - self.dark / self.intensities[j], 0)
+        if self.hot is not None and self.hot.any():
+            image = np.where(self.hot[..., None], neighbours(image), image)
+        if self.flat is not None:
+            image = image / self.flat
+        if self.lens is not None:
+            image = self.lens.undistorted(image)
+        return image.astype(np.float32, copy=False)
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+
+def neighbours(image: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w c"]:
+    """Median of each pixel's surroundings of 3 x 3, itself included."""
+    import cv2
+
+    return cv2.medianBlur(np.ascontiguousarray(image, np.float32), 3).reshape(image.shape)
+
+
+def read_frame(path: Path, shape: tuple[int, ...], what: str, linear: np.ndarray | None = None) -> np.ndarray:
+    """A dark frame or flat field (h, w, c) as a fraction of full scale, linearised by the table `linear`."""
+    samples = decode(path)
+    if samples.shape[:2] != tuple(shape[:2]) or samples.shape[2] not in (1, shape[2]):
+        raise InputError(
+            f"the {what} {path} is {samples.shape} but the photographs are {tuple(shape)}; take it with the same "
+            "camera and settings."
+        )
+    if linear is not None and samples.dtype.kind == "u":
+        return linear[samples]
+    return samples.astype(np.float32) / np.float32(full_scale(samples))
+
+
+def flat_field(level: np.ndarray, dark: np.ndarray | None, path: Path) -> np.ndarray:
+    """Relative brightness, its median 1, of the flat field's level (h, w, c)."""
+    level = level if dark is None else np.maximum(level - dark, 0)
+    middle = np.median(level, axis=(0, 1))
+    if not (middle > 0).all():
+        raise InputError(f"the flat field {path} is black on most of the frame; photograph an even white surface.")
+    flat = level / middle
+    if (flat < LEAST_FLAT).any():
+        part = 100 * float((flat < LEAST_FLAT).mean())
+        raise InputError(f"{part:.2g} % of the flat field {path} is black; photograph an even white surface.")
+    return flat
+
+
+def hot_pixels(level: Float[np.ndarray, "h w c"]) -> Bool[np.ndarray, "h w"]:
+    """Pixels that stand out of their surroundings in a dark frame, or in the minimum over all pictures."""
+    around = neighbours(level)
+    return np.any((level > around + HOT) & (level > RATIO * around), axis=-1)
+
+
+def read_lens(path: Path) -> Lens:
+    """A calibration that OpenCV wrote (.yml, .yaml, .xml, .json), or an .npz with the same names."""
+    try:
+        values = _npz(path) if path.suffix.lower() == ".npz" else _storage(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path} can't be read as a lens calibration ({error}); give OpenCV's .yml file.") from None
+    found = [next((values[n] for n in names if values.get(n) is not None), None) for names in NAMES]
+    if found[0] is None or found[1] is None or found[0].shape != (3, 3) or found[1].size not in (4, 5, 8, 12, 14):
+        raise InputError(
+            f"{path} has no camera_matrix (3, 3) and distortion_coefficients of 4, 5, 8, 12 or 14 numbers; write them "
+            "with OpenCV's calibration."
+        )
+    return Lens(found[0].astype(np.float64), found[1].astype(np.float64).ravel())
+
+
+def _storage(path: Path) -> dict[str, np.ndarray | None]:
+    import cv2
+
+    text = path.read_text(errors="replace")
+    try:
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
+        return {name: storage.getNode(name).mat() for names in NAMES for name in names}
+    except (cv2.error, SystemError):
+        raise ValueError("OpenCV does not understand it") from None
+
+
+def _npz(path: Path) -> dict[str, np.ndarray | None]:
+    with np.load(path, allow_pickle=False) as data:
+        return {name: data[name] for name in data.files}

@@ -61,6 +61,8 @@ class Measure:
     """One of `photonormal methods`."""
     device: str = "auto"
     """auto, cpu or cuda."""
+    normals_frame: str = "opengl"
+    """Frame of normals.png: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
     integration: str = "quadratic"
     """How depth is found: simchony, quadratic or bilateral."""
     camera: Path | None = None
@@ -82,6 +84,7 @@ class Measure:
             mesh=self.mesh,
             overwrite=self.overwrite,
             integration=self.integration,
+            normals_frame=self.normals_frame,
             camera=self.camera,
             **asdict(self.read),
         )
@@ -107,6 +110,8 @@ class Score:
     """Folder that `measure` wrote, or a normal map (.npz, .png, .exr)."""
     format: str = "auto"
     """Layout of the capture."""
+    frame: str = "opengl"
+    """Frame of the result's normals: opengl, directx or y-down."""
     json: bool = False
     """Print one JSON object."""
 
@@ -118,7 +123,7 @@ class Score:
         truth = load(self.capture, format=self.format).truth
         if truth is None:
             raise InputError(f"{self.capture} has no true normals to score against; add Normal_gt.mat.")
-        result = score(load_normals(self.result), truth).as_dict()
+        result = score(load_normals(self.result, self.frame), truth).as_dict()
         if self.json:
             print(json.dumps(result))
         else:
@@ -141,6 +146,8 @@ class Integrate:
     """simchony, quadratic or bilateral."""
     camera: Path | None = None
     """Text file with the 3 x 3 camera matrix in pixels, for a perspective view."""
+    frame: str = "opengl"
+    """Frame of the normal map: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
     overwrite: bool = False
     """Replace a file that exists."""
 
@@ -152,7 +159,7 @@ class Integrate:
 
         if self.out.exists() and not self.overwrite:
             raise InputError(f"{self.out} exists; choose another --out, or add --overwrite to replace it.")
-        normals = load_normals(self.normals)
+        normals = load_normals(self.normals, self.frame)
         with progress(f"depth by {self.method}"):
             surface = integrate(normals, self.method, K=read_camera(self.camera))
         print(save(surface, self.out, normals))
@@ -177,6 +184,8 @@ class Calibrate:
     """Focal length in pixels, for spheres near the camera; a camera far away without it."""
     radius_mm: float | None = None
     """The spheres' radius; with two or more in one frame the lights' positions are found too."""
+    frame: str = "opengl"
+    """Frame of what is written: opengl (y up, z to the camera), directx (y down) or y-down (and z away)."""
     overwrite: bool = False
     """Replace files that exist."""
 
@@ -191,6 +200,7 @@ class Calibrate:
             count=self.count,
             focal_px=self.focal_px,
             radius_mm=self.radius_mm,
+            frame=self.frame,
             overwrite=self.overwrite,
         )
         for warning in report["warnings"]:
@@ -386,6 +396,30 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Convert:
+    """A normal map in another frame or another format."""
+
+    normals: Positional[Path]
+    """Normal map (.npz, 16-bit .png, .exr), or a folder that `measure` wrote."""
+    out: Path
+    """File to write: .png (16-bit), .exr or .npz."""
+    from_frame: str = "opengl"
+    """Frame of NORMALS: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
+    frame: str = "opengl"
+    """Frame of what is written."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+
+    def __call__(self) -> int:
+        from photonormal.export import load_normals, save
+
+        if self.out.exists() and not self.overwrite:
+            raise InputError(f"{self.out} exists; choose another --out, or add --overwrite to replace it.")
+        print(save(load_normals(self.normals, self.from_frame), self.out, frame=self.frame))
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -403,6 +437,7 @@ Command = (
     Annotated[Measure, tyro.conf.subcommand("measure")]
     | Annotated[Score, tyro.conf.subcommand("score")]
     | Annotated[Integrate, tyro.conf.subcommand("integrate")]
+    | Annotated[Convert, tyro.conf.subcommand("convert")]
     | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
     | Annotated[Intensities, tyro.conf.subcommand("intensities")]
     | Annotated[Mask, tyro.conf.subcommand("mask")]

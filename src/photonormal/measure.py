@@ -17,6 +17,7 @@ import numpy as np
 import photonormal
 from photonormal.capture import load
 from photonormal.export.folder import REPORT, whole_folder
+from photonormal.geometry import in_frame
 from photonormal.integrate import integrate
 from photonormal.progress import progress
 from photonormal.score import error_picture, score
@@ -52,6 +53,7 @@ def measure(
     mesh: bool = True,
     overwrite: bool = False,
     integration: str = "quadratic",
+    normals_frame: str = "opengl",
     camera: Path | None = None,
     options: dict[str, Any] | None = None,
     **how: Any,
@@ -67,6 +69,7 @@ def measure(
     mesh : integrate the normals and write depth and mesh
     overwrite : write into a folder that exists and is no result of ours
     integration : a key of photonormal.integrate.METHODS
+    normals_frame : frame of normals.png, a key of photonormal.geometry.FRAMES; normals.npz keeps ours
     camera : text file with the camera matrix (3, 3) in pixels of the photographs, for a perspective surface
 
     Returns
@@ -80,6 +83,7 @@ def measure(
     """
     solver: Any = configure(method, **(options or {}))
     K = read_camera(camera)
+    in_frame(np.zeros(3), normals_frame)  # before any work is done
     seconds: dict[str, float] = {}
     with whole_folder(Path(out), overwrite) as folder:
         with _stage("read", seconds):
@@ -99,7 +103,7 @@ def measure(
             with _stage("integrate", seconds), progress(f"depth by {integration}"):
                 surface = integrate(normals, integration, K=K)
         with _stage("export", seconds), progress("writing"):
-            _export(folder, photographs, normals, albedo, surface)
+            _export(folder, photographs, normals, albedo, surface, normals_frame)
         dark = int(photographs.mask.sum()) - int(normals.mask.sum())
         warnings = exposure.warnings() + _disagreements(photographs, grey, normals)
         if dark:
@@ -110,6 +114,7 @@ def measure(
             "method": method,
             "options": _plain(asdict(solver)),
             "integration": integration if mesh else None,
+            "normals_png_frame": normals_frame,
             "device": str(where),
             "images": list(photographs.image_names),
             "lights": photographs.images.shape[0],
@@ -164,7 +169,7 @@ def _disagreements(capture: Capture, grey: np.ndarray, normals: Normals) -> list
     return grave(grey, normals.map[::step, ::step], normals.mask[::step, ::step], capture.lights)
 
 
-def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any) -> None:
+def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any, frame: str) -> None:
     """Every file of a result but the report, written at the same time."""
     from photonormal.export import save
     from photonormal.export.normal_maps import encode_png
@@ -184,7 +189,7 @@ def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray
 
     jobs = [
         pictures,
-        lambda: save(normals, folder / "normals.png"),
+        lambda: save(normals, folder / "normals.png", frame=frame),
         lambda: save(normals, folder / "normals.npz"),
     ]
     if surface is not None:

@@ -20,7 +20,7 @@ from photonormal.capture.assemble import find_mask, find_pictures
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.texts import read_lines
 from photonormal.export.folder import REPORT, write
-from photonormal.geometry import angle_deg
+from photonormal.geometry import angle_deg, in_frame
 from photonormal.progress import progress
 from photonormal.types import InputError, cores
 
@@ -40,6 +40,7 @@ def calibrate(
     count: int = 1,
     focal_px: float | None = None,
     radius_mm: float | None = None,
+    frame: str = "opengl",
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Light directions from photographs of one or several mirror spheres.
@@ -52,6 +53,7 @@ def calibrate(
     circles : outlines "x,y,r", in pixels from the upper left, in the order of the spheres; found where there are none
     count : spheres in each folder of photographs
     focal_px : focal length in pixels, for spheres near the camera; None: orthographic
+    frame : of what is written, a key of photonormal.geometry.FRAMES
     radius_mm : the spheres' radius; with two or more in one frame the lights' positions are found and written too
 
     Returns
@@ -94,16 +96,18 @@ def calibrate(
         found += here
         pictures.append(drawn(brightest, here))
     L = mean_directions([s.L for s in found])  # (n, 3)
+    written = in_frame(L, frame)
     content: dict[str, Any] = {
         "photonormal": photonormal.__version__,
         "folder": Path(folder).resolve().name,
-        "frame": "x right, y up, z to the camera; from the object to the light",
+        "frame": frame,
+        "axes": "from the object to the light; opengl: x right, y up, z to the camera",
         "view": "orthographic" if focal_px is None else f"perspective, focal length {focal_px:g} px",
         "spheres": [{"folder": s.where, "circle": asdict(s.circle), "confidence_elsewhere": s.rival} for s in found],
         "lights": [
             {
                 "picture": name,
-                "direction": L[j],
+                "direction": written[j],
                 "off_mean_deg": [round(float(angle_deg(s.L[j], L[j])), 4) for s in found],
                 "highlights": [asdict(s.highlights[j]) for s in found],
             }
@@ -111,7 +115,7 @@ def calibrate(
         ],
         "warnings": [line for s in found for line in s.doubts(names)],
     }
-    tables = {"table": L}
+    tables = {"table": written}
     if radius_mm is not None and len(found) > 1:
         if len(spheres) > 1:
             raise InputError(
@@ -124,14 +128,14 @@ def calibrate(
             "the middle of the picture, at the spheres' depth" if focal_px is None else "camera"
         )
         for light, x, m in zip(content["lights"], X, miss, strict=True):
-            light |= {"position_mm": x, "lines_miss_mm": round(m, 4)}
-        tables["positions"] = X
+            light |= {"position_mm": in_frame(x, frame), "lines_miss_mm": round(m, 4)}
+        tables["positions"] = in_frame(X, frame)
     _make_folder(out.parent)
     for name, rows in tables.items():
         write(files[name], text.table(rows))
     write(files["report"], text.report(content))
     write(files["picture"], encode_png(beside(pictures)))
-    write(files["lp"], text.lp(names, L))
+    write(files["lp"], text.lp(names, written))
     return content | {"files": [str(p) for p in files.values()]}
 
 

@@ -6,11 +6,16 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.geometry import in_frame
 from photonormal.types import InputError, Normals, Surface
 
 
 def save(
-    result: Normals | Surface, path: str | Path, normals: Normals | None = None, albedo: np.ndarray | None = None
+    result: Normals | Surface,
+    path: str | Path,
+    normals: Normals | None = None,
+    albedo: np.ndarray | None = None,
+    frame: str = "opengl",
 ) -> Path:
     """Write normals or a surface to one file; whole or not at all.
 
@@ -21,6 +26,7 @@ def save(
     path : where; an existing file is replaced
     normals : vertex normals of a mesh
     albedo : (h, w, 3) in [0, 1], linear: vertex colours of a mesh
+    frame : of the normals in the file, a key of photonormal.geometry.FRAMES; a mesh keeps ours
 
     Returns
     -------
@@ -35,16 +41,17 @@ def save(
     if suffix not in endings:
         raise InputError(f"{path} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
     if isinstance(result, Normals):
-        write(path, normal_maps.WRITERS[suffix](result))
+        write(path, normal_maps.WRITERS[suffix](Normals(in_frame(result.map, frame), result.mask)))
     else:
         write(path, mesh.encode(result, suffix, normals, albedo))
     return path
 
 
-def load_normals(path: str | Path) -> Normals:
+def load_normals(path: str | Path, frame: str = "opengl") -> Normals:
     """Normals that `save` wrote, or any normal map of the same frame: ``.npz``, ``.png`` or ``.exr``; or a folder that
-    `photonormal measure` wrote.
+    `photonormal measure` wrote. `frame` is that of the file, a key of photonormal.geometry.FRAMES.
     """
     from photonormal.export import normal_maps
 
-    return normal_maps.read(Path(path))
+    found = normal_maps.read(Path(path))
+    return Normals(in_frame(found.map, frame), found.mask)

@@ -37,17 +37,17 @@ def integrate(normals: Normals, method: str = DEFAULT, K: np.ndarray | None = No
     Parameters
     ----------
     normals : unit normals, x right, y up, z to the camera, on a mask that may have several parts and holes
-    method : a key of METHODS: `simchony` is the fastest and meant for masks that fill their rectangle, `quadratic` serves
-        any mask, `bilateral` lets the depth jump
-    K : (3, 3) camera matrix of a perspective view in pixels (x right, y down, row 0 and column 0 at the centre of the first
-        pixel). After a crop the principal point moves with it. None: an orthographic view
+    method : a key of METHODS. `simchony` is the fastest, for masks that nearly fill their rectangle; `quadratic` serves
+        any mask; `bilateral` lets the depth jump
+    K : (3, 3) camera matrix of a perspective view in pixels (x right, y down, the first pixel's centre at (0, 0); a
+        crop moves the principal point). None: an orthographic view
     options : the method's fields, by name
 
     Returns
     -------
     Surface
         Orthographic: height towards the camera in pixels, zero mean. Perspective: distance along the optical axis, mean
-        one. Either holds for each connected part (4 neighbours) alone: nothing relates the depths of parts that don't touch.
+        one. This holds for each connected part (4 neighbours) alone: nothing relates parts that don't touch.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def camera_matrix(K: Any) -> np.ndarray:
     M = np.asarray(K, dtype=np.float64)
     if M.shape != (3, 3) or not np.isfinite(M).all() or not (M[0, 0] > 0 and M[1, 1] > 0 and (M[2] == (0, 0, 1)).all()):
         raise InputError(
-            f"the camera matrix is {M.tolist() if M.size == 9 else M.shape} but 3 x 3 finite numbers with positive focal "
-            "lengths are needed; give fx 0 cx, 0 fy cy, 0 0 1 in pixels."
+            f"the camera matrix is {M.tolist() if M.size == 9 else M.shape} but 3 x 3 finite numbers with positive "
+            "focal lengths are needed; give fx 0 cx, 0 fy cy, 0 0 1 in pixels."
         )
     return M

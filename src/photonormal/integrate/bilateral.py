@@ -1,5 +1,7 @@
-"""Integration that lets the depth jump: X. Cao, H. Santo, B. Shi, F. Okura, Y. Matsushita, "Bilateral normal integration",
-ECCV 2022; written from the paper's equations, with a last step of our own."""
+"""Depth that may jump: X. Cao, H. Santo, B. Shi, F. Okura, Y. Matsushita, "Bilateral normal integration", ECCV 2022.
+
+Written from the paper's equations; the last solve is our own.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,8 @@ class Bilateral:
     """Every pixel trusts the smoother of its two sides, along rows and along columns.
 
     At pixel i the surface is differentiable from one side at least: a D+ z = b towards the next pixel has weight
-    w = sigmoid(k ((a D- z)^2 - (a D+ z)^2)), a D- z = b towards the last one has 1 - w (a missing neighbour counts as no
-    step). Weighted least squares and weights alternate, from w = 1/2. At a jump both pixels look away from each other.
+    w = sigmoid(k ((a D- z)^2 - (a D+ z)^2)), a D- z = b towards the last one has 1 - w (a missing neighbour counts as
+    no step). Weighted least squares and weights alternate, from w = 1/2. At a jump both pixels look away from it.
 
     The one-sided equations find the jumps, but are of first order where the surface bends. The last solve (`midpoint`)
     keeps the weights and takes the mean slope of both ends instead, a_i a_j (z_j - z_i) = (a_j b_i + a_i b_j) / 2.
@@ -69,7 +71,7 @@ class Bilateral:
     def weights(
         self, graph: PixelGraph, next_step: Float[np.ndarray, " e"], last_step: Float[np.ndarray, " e"]
     ) -> tuple[Float[np.ndarray, " e"], Float[np.ndarray, " e"]]:
-        """w of each edge's first pixel and 1 - w of its second, from the squared steps (a D z)^2 as either end sees them."""
+        """w of each edge's first pixel, 1 - w of its second, from the steps (a D z)^2 as either end sees them."""
         plus, minus = np.zeros((2, 2, graph.pixels))  # (2, p) along x and along y
         plus[graph.axis, graph.i] = next_step
         minus[graph.axis, graph.j] = last_step

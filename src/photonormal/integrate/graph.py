@@ -35,8 +35,8 @@ class PixelGraph:
 class LaggedSolver:
     """min sum c_e (z_j - z_i)^2 - 2 flow_e (z_j - z_i), many times with weights that change little.
 
-    Conjugate gradients from the last solution, with an algebraic multigrid preconditioner that is built for the weights of
-    some earlier call, and anew once it needs more than `patience` iterations.
+    Conjugate gradients from the last solution. The preconditioner, a cycle of algebraic multigrid, is built for the
+    weights of some earlier call, and anew once it needs more than `patience` iterations.
     """
 
     def __init__(self, graph: PixelGraph, patience: int = 10) -> None:

@@ -16,8 +16,8 @@ from photonormal.types import Normals, Surface, cores
 class Simchony:
     """Least squares over the whole bounding rectangle of the mask, in closed form.
 
-    Off the mask slopes count as zero, which bends the surface near every border that is not the rectangle's own, and levels
-    parts that the mask keeps apart. The fastest method, and exact least squares where the mask is a rectangle.
+    The fastest method, and exact where the mask is a rectangle. Elsewhere slopes count as zero off the mask, which
+    bends the surface near the mask's border.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class Simchony:
         return surface(z[s.mask], normals, K, s.f)
 
 
-def divergence(gx: Float[np.ndarray, "h w-1"], gy: Float[np.ndarray, "h-1 w"]) -> Float[np.ndarray, "h w"]:
+def divergence(gx: Float[np.ndarray, "h w1"], gy: Float[np.ndarray, "h1 w"]) -> Float[np.ndarray, "h w"]:
     """What flows out of each pixel along its edges; nothing crosses the border. Minus the adjoint of `np.diff`."""
     f = np.zeros((len(gx), gy.shape[1]))
     f[:, :-1] += gx
@@ -50,4 +50,5 @@ def poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
     v, u = (2 * np.cos(np.pi * np.arange(n) / n) - 2 for n in f.shape)
     eigenvalues = v[:, None] + u  # (h, w)
     eigenvalues[0, 0] = np.inf
-    return idctn(dctn(f, workers=cores()) / eigenvalues, workers=cores(), overwrite_x=True)
+    F = np.asarray(dctn(f, workers=cores()))
+    return np.asarray(idctn(F / eigenvalues, workers=cores(), overwrite_x=True))

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.ndimage import find_objects, label
+from scipy.ndimage import label
 
 from photonormal.types import InputError, Normals, Surface
 
@@ -15,8 +15,8 @@ from photonormal.types import InputError, Normals, Surface
 class Slopes:
     """The equations a dz/dx = b[0], a dz/dy = b[1] at every pixel of the mask; x and y are counted right and *down*.
 
-    The unknown z is in pixels: the height towards the camera (orthographic), or f ln(distance) (perspective). `a` is then
-    the cosine between the normal and the viewing ray in both (times the ray's length, nearly 1).
+    The unknown z is in pixels: the height towards the camera (orthographic), or f ln(distance) (perspective). In both,
+    `a` is the cosine between the normal and the viewing ray (times the ray's length, nearly 1).
 
     Parameters
     ----------
@@ -30,11 +30,12 @@ class Slopes:
     b: Float[np.ndarray, "2 h w"]
     f: float
 
-    def along_edges(self) -> tuple[Float[np.ndarray, "h w-1"], Float[np.ndarray, "h-1 w"]]:
+    def along_edges(self) -> tuple[Float[np.ndarray, "h w1"], Float[np.ndarray, "h1 w"]]:
         """z steps from each pixel to its right and to its lower neighbour: (b_i + b_j) / (a_i + a_j).
 
-        The mean of two unit normals is perpendicular to the chord between their points on a plane and on a sphere, so that
-        this is exact on both in an orthographic view; elsewhere of second order. Zero where a neighbour is off the mask.
+        On a plane and on a sphere the mean of two unit normals is perpendicular to the chord between their points, so
+        that this is exact on both in an orthographic view; elsewhere it is of second order. Zero where a neighbour is
+        off the mask.
         """
         a, (bx, by) = self.a, self.b
         right, down = pairs(self.mask)
@@ -46,12 +47,14 @@ class Slopes:
 def slopes(normals: Normals, K: np.ndarray | None, grazing: float) -> Slopes:
     """The slope equations of `normals` in the view of camera matrix `K` (None: orthographic).
 
-    `grazing` in (0, 1) is the least cosine between a normal and its viewing ray: normals that look further aside, or away
-    from the camera, count as if they had it, so that no step is above 1/grazing pixels.
+    `grazing` in (0, 1) is the least cosine between a normal and its viewing ray: normals that look further aside, or
+    away from the camera, count as if they had it, so that no step is much above 1/grazing pixels.
     """
     if not 0 < grazing < 1:
         raise InputError(f"grazing is {grazing} but a cosine between 0 and 1 is needed; 0.05 is usual.")
-    box = find_objects(normals.mask.astype(np.int8))[0]
+    rows, columns = np.flatnonzero(normals.mask.any(1)), np.flatnonzero(normals.mask.any(0))
+    y0, x0 = rows[0], columns[0]
+    box = slice(y0, rows[-1] + 1), slice(x0, columns[-1] + 1)
     mask, n = normals.mask[box], np.moveaxis(normals.map[box], 2, 0).astype(np.float64)  # (3, h, w)
     if K is None:
         # n . (dx, -dy, dz) = 0 on the tangent plane, y of the picture running against y of the frame
@@ -71,7 +74,7 @@ def slopes(normals: Normals, K: np.ndarray | None, grazing: float) -> Slopes:
     return Slopes(mask, np.where(mask, np.maximum(a, grazing), 0), np.stack([bx, by]), f)
 
 
-def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w-1"], Bool[np.ndarray, "h-1 w"]]:
+def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], Bool[np.ndarray, "h1 w"]]:
     """Where a pixel and its right neighbour, and where a pixel and its lower neighbour, are both on the mask."""
     return mask[:, :-1] & mask[:, 1:], mask[:-1] & mask[1:]
 
@@ -79,7 +82,9 @@ def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w-1"], Boo
 def surface(z: Float[np.ndarray, " p"], normals: Normals, K: np.ndarray | None, f: float) -> Surface:
     """The surface of z at the `p` pixels of the mask, with the free constant (scale) of each connected part fixed."""
     mask = normals.mask
-    part = label(mask)[0][mask]  # (p,), from 1
+    parts = np.zeros(mask.shape, np.int32)
+    label(mask, output=parts)
+    part = parts[mask]  # (p,), from 1
     size = np.maximum(np.bincount(part), 1)
     z = z - (np.bincount(part, z) / size)[part]
     if K is not None:

@@ -103,9 +103,14 @@ def test_a_folder_without_shards_is_refused(tmp_path):
         list(read_shards(tmp_path))
 
 
-def test_the_demonstration_is_shipped_and_hard():
+def test_the_shipped_demonstration_is_hard_and_what_its_recipe_renders(tmp_path):
     from importlib.resources import files
 
-    capture = pn.load(str(files("photonormal") / "data" / "demo"))
-    assert capture.images.shape == (24, 160, 160, 3)
-    assert 8 < pn.score(pn.solve(capture), capture.truth).mean_deg < 25
+    shipped = pn.load(str(files("photonormal") / "data" / "demo"))
+    assert shipped.images.shape == (24, 160, 160, 3)
+    assert 8 < pn.score(pn.solve(shipped), shipped.truth).mean_deg < 25
+    made = pn.load(render("demo", 1, tmp_path / "out") / "demo_0001")
+    assert (made.mask == shipped.mask).mean() > 0.999
+    both = made.mask & shipped.mask
+    assert (np.abs(made.truth.map - shipped.truth.map)[both] < 1e-2).mean() > 0.999
+    assert np.abs(made.images[3] - shipped.images[3])[both].mean() < 0.01

@@ -20,7 +20,7 @@ from photonormal.synth.stream import Batch, Stream
 from photonormal.types import InputError
 
 LAYOUTS = ("diligent", "blobby", "shards")
-SHOWN = 36  # samples on a contact sheet at most
+SHOWN = 24  # samples on a contact sheet at most
 SHARD = 64  # samples in a file
 
 

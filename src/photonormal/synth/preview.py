@@ -10,6 +10,7 @@ from jaxtyping import Float, UInt8
 from photonormal.synth.stream import Batch
 
 GAP = 2  # pixels between samples
+WIDTH = 76  # pixels of a picture on the sheet at most
 
 
 def contact_sheet(batches: list[Batch], columns: int = 3, pictures: int = 3) -> UInt8[np.ndarray, "h w 3"]:
@@ -21,13 +22,17 @@ def contact_sheet(batches: list[Batch], columns: int = 3, pictures: int = 3) -> 
 
 
 def _tiles(batch: Batch, pictures: int) -> list[Float[np.ndarray, "h w 3"]]:
+    import cv2
+
     tiles = []
     for I, N, mask in zip(batch.images, batch.normals, batch.mask, strict=True):
         chosen = np.linspace(0, len(I) - 1, min(pictures, len(I))).round().astype(int)
         bright = np.quantile(I.amax(1)[:, mask[0]].cpu().numpy(), 0.97)
-        images = [(I[j].cpu().numpy() / max(bright, 1e-6)).clip(0, 1) ** (1 / 2.2) for j in chosen]
-        tile = np.concatenate([((N * 0.5 + 0.5) * mask).cpu().numpy(), *images], -1)
-        tiles.append(np.pad(tile, ((0, 0), (0, GAP), (0, GAP))).transpose(1, 2, 0))
+        images = [np.clip(I[j].cpu().numpy() / max(bright, 1e-6), 0, 1) ** (1 / 2.2) for j in chosen]
+        shown = [((N * 0.5 + 0.5) * mask).cpu().numpy(), *images]
+        size = min(WIDTH, I.shape[-1])
+        small = [cv2.resize(image.transpose(1, 2, 0), (size, size), interpolation=cv2.INTER_AREA) for image in shown]
+        tiles.append(np.pad(np.concatenate(small, 1), ((0, GAP), (0, GAP), (0, 0))))
     return tiles
 
 

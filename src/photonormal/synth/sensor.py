@@ -17,16 +17,22 @@ JUMP = 3.0  # pixels of depth by which a surface breaks off
 Pictures = Float[Tensor, "c n 3 h w"]
 
 
-def expose(I: Pictures, crops: int, saturated: Float[Tensor, " b"]) -> Pictures:
-    """Scale each scene (of `crops` windows each) so that the share `saturated` of its samples exceeds 1, or none."""
+def expose(I: Pictures, crops: int, saturated: Float[Tensor, " b"]) -> tuple[Pictures, Float[Tensor, " b"]]:
+    """Scale each scene (of `crops` windows each) so that the share `saturated` of its samples exceeds 1, or none.
+
+    Also gives the level that nine tenths of a scene's lit samples stay below.
+    """
     b = len(saturated)
     samples = I.view(b, crops, *I.shape[1:]).transpose(2, 3).flatten(3)  # (b, crops, 3, n h w)
     brightest = samples.amax((1, 2, 3))
     samples = samples[:, :, 1, :: max(1, crops * samples.shape[3] // 32768) | 1].flatten(1).sort(-1).values  # green
-    rank = samples.shape[1] - 1 - ((samples > 0).sum(-1) * saturated).long()
-    level = samples.gather(1, rank[:, None])[:, 0]
-    level = torch.where(saturated > 0, level, brightest).clamp(min=1e-6)  # (b,)
-    return I / level.repeat_interleave(crops).view(-1, 1, 1, 1, 1)
+    lit = (samples > 0).sum(-1)
+
+    def exceeded(share: Tensor) -> Tensor:
+        return samples.gather(1, samples.shape[1] - 1 - (lit * share).long()[:, None])[:, 0]
+
+    level = torch.where(saturated > 0, exceeded(saturated), brightest).clamp(min=1e-6)  # (b,)
+    return I / level.repeat_interleave(crops).view(-1, 1, 1, 1, 1), exceeded(torch.full_like(level, 0.1)) / level
 
 
 def photograph(
@@ -149,12 +155,12 @@ def measured(
         I = soften(I, height, mask, generator)
     if recipe.blurred:
         I = blur(I, drawn(0.2 * g.random(b) * (g.random(b) < recipe.blurred)).repeat_interleave(c))
-    I = expose(I, c, drawn(recipe.saturated * g.random(b) ** 2))
+    I, bright = expose(I, c, drawn(recipe.saturated * g.random(b) ** 2 * (g.random(b) < 0.7)))
     if recipe.intensity_error:
         error = recipe.intensity_error * g.random((b, 1)) * g.normal(size=(b, n))
         I = I * drawn(1 + error).repeat_interleave(c, 0)[:, :, None, None, None]
     bits = np.where(g.random(b) < recipe.low_bits, 8.0, 16.0) * (recipe.low_bits > 0)
-    noise = drawn(recipe.noise * g.random(b) ** 2).repeat_interleave(c)
+    noise = (drawn(recipe.noise * g.random(b) ** 2) * bright.clamp(max=1)).repeat_interleave(c)
     I = photograph(I, noise, drawn(bits).repeat_interleave(c), generator)
     share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.2, b), 0.0)
     I = corrupt(I, np.repeat(share, c), g)

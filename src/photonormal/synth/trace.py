@@ -17,7 +17,7 @@ Solid = Solids | Bust | MeshViews
 Field = Callable[[Tensor], Tensor]  # (b, 3, p) -> (b, p)
 
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
-WIDE, CELLS = 1.7, 32  # half width and resolution of the survey that finds where a solid is
+WIDE, CELLS = 1.7, 24  # half width and resolution of the survey that finds where a solid is
 COARSE = 4  # pixels along a side of the blocks that share the first part of their way
 
 

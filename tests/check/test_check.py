@@ -208,6 +208,7 @@ def test_the_command_writes_a_report_a_plot_and_corrected_lights(right, tmp_path
     assert angle_deg(fixed, LIGHTS).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.data
 @pytest.mark.parametrize("name", ["ball", "cat", "reading"])
 def test_real_captures_given_wrong_lights(data, name):

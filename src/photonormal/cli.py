@@ -420,6 +420,34 @@ class Convert:
 
 
 @dataclass(frozen=True)
+class Figure:
+    """A figure from stored predictions, or from training logs, as PNG and PDF."""
+
+    name: Positional[str]
+    """errors, normals, images, seconds, materials or convergence."""
+    places: Positional[tuple[str, ...]]
+    """The folder that `bench` wrote; for convergence, folders of trainings, as FOLDER or LABEL=FOLDER."""
+    out: Path | None = None
+    """Folder to write into; by default `figures` in the folder of runs."""
+    dataset: str = ""
+    """Which dataset, where the runs hold several."""
+    methods: str = ""
+    """Only these, like woodham,l1, in this order."""
+    objects: str = ""
+    """Only these, like ball,cat, in this order."""
+    limit: float | None = None
+    """Error in degrees of the last colour of error maps."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.figures import figure
+
+        methods, objects = listed(self.methods), listed(self.objects)
+        for path in figure(self.name, self.places, self.out, self.dataset, methods, objects, self.limit):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -444,6 +472,7 @@ Command = (
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
     | Annotated[Table, tyro.conf.subcommand("table")]
+    | Annotated[Figure, tyro.conf.subcommand("figure")]
     | Annotated[Figure, tyro.conf.subcommand("figure")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )

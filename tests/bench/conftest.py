@@ -36,3 +36,14 @@ def runs(root, tmp_path_factory):
     done = bench("diligent", root, out, methods="woodham,trimmed", images="all,6", draws=3)
     assert not done.failures
     return out
+
+
+@pytest.fixture(scope="session")
+def pair(root, tmp_path_factory):
+    """Predictions of two methods on two objects of twelve images, from all, eight and four of them."""
+    from photonormal.bench import bench
+
+    out = tmp_path_factory.mktemp("stored") / "pair"
+    done = bench("diligent", root, out, methods="woodham,trimmed", images="all,4,8", draws=2, objects="ball,cat")
+    assert not done.failures
+    return out

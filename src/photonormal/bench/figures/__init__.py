@@ -1,0 +1,105 @@
+"""Figures from stored predictions and from training logs, each as PNG and PDF. Colours are told apart by everyone."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from photonormal.types import InputError
+
+FIGURES = {  # name -> "module:function"; a function takes a Wish and gives a matplotlib figure
+    "errors": "photonormal.bench.figures.maps:errors",
+    "normals": "photonormal.bench.figures.maps:normals",
+    "images": "photonormal.bench.figures.curves:images",
+    "seconds": "photonormal.bench.figures.curves:seconds",
+    "materials": "photonormal.bench.figures.materials:materials",
+    "convergence": "photonormal.bench.figures.convergence:convergence",
+}
+DPI = 200
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a figure shows.
+
+    Parameters
+    ----------
+    places : the folder of runs; for "convergence" folders of trainings, ``label=folder`` or ``folder``
+    dataset : "": the only one, or diligent
+    methods, objects : only these, in this order; empty: as the figure chooses
+    limit_deg : error of the last colour; None: chosen from the errors shown
+    """
+
+    places: tuple[str, ...]
+    dataset: str = ""
+    methods: tuple[str, ...] = ()
+    objects: tuple[str, ...] = ()
+    limit_deg: float | None = None
+
+    @property
+    def runs(self) -> Path:
+        """The one folder of runs."""
+        if len(self.places) != 1:
+            raise InputError(f"{len(self.places)} folders came but one folder of runs is needed; give that alone.")
+        return Path(self.places[0])
+
+
+def figure(
+    name: str,
+    places: Sequence[str | Path],
+    out: str | Path | None = None,
+    dataset: str = "",
+    methods: Sequence[str] = (),
+    objects: Sequence[str] = (),
+    limit_deg: float | None = None,
+) -> list[Path]:
+    """Draw one figure and write it as PNG and PDF.
+
+    Parameters
+    ----------
+    name : a key of FIGURES
+    places, dataset, methods, objects, limit_deg : see Wish
+    out : folder to write into; None: `figures` in the folder of runs
+
+    Returns
+    -------
+    The two files.
+
+    Raises
+    ------
+    InputError
+        If the figure does not exist or what it shows is not there.
+    """
+    if name not in FIGURES:
+        raise InputError(f"no figure {name!r}; choose from {', '.join(FIGURES)}.")
+    if not places:
+        raise InputError("no folder came; give the folder of runs, or for convergence those of trainings.")
+    from photonormal.bench.figures.style import STYLE, style_context
+    from photonormal.export.folder import write
+
+    wish = Wish(tuple(str(p) for p in places), dataset, tuple(methods), tuple(objects), limit_deg)
+    module, function = FIGURES[name].split(":")
+    folder = Path(out) if out is not None else Path(wish.places[0].rpartition("=")[2]) / "figures"
+    with style_context(STYLE):
+        drawn = draw(getattr(import_module(module), function), wish)
+        files = {}
+        for ending in ("png", "pdf"):
+            buffer = io.BytesIO()
+            drawn.savefig(buffer, format=ending, dpi=DPI, bbox_inches="tight", pad_inches=0.03)
+            files[folder / f"{name}.{ending}"] = buffer.getvalue()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} can't be written ({error.strerror}); choose another --out.") from None
+    for path, data in files.items():
+        write(path, data)
+    return list(files)
+
+
+def draw(function: Callable[[Wish], Any], wish: Wish) -> Any:
+    """The figure of a function, for tests to look into."""
+    return function(wish)

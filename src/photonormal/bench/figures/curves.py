@@ -1,0 +1,93 @@
+"""Mean error against the number of images, and against seconds."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from photonormal.bench.figures import Wish
+from photonormal.bench.figures.maps import dataset_of
+from photonormal.bench.figures.style import COLOURS, LINES, MARKERS, Figure
+from photonormal.bench.tables import Table, tables
+from photonormal.types import InputError
+
+
+def images(wish: Wish) -> Figure:
+    """One line for each method; the band is the standard deviation over random draws."""
+    points: dict[str, list[tuple[int, float, float, int]]] = {}
+    for table in _tables(wish):
+        if table.protocol in ("all", "draws") and table.images:
+            for row in table.rows:
+                cell = row.cells.get(column(table))
+                if cell is not None:
+                    points.setdefault(row.label, []).append((table.images, cell.value, cell.spread or 0.0, row.over))
+    counts = sorted({k for line in points.values() for k, *_ in line})
+    if len(counts) < 2:
+        raise InputError(f"{wish.runs} holds {len(counts)} numbers of images; run photonormal bench --images 8,16,96.")
+    over = {k: max(line[3] for lines in points.values() for line in lines if line[0] == k) for k in counts}
+    figure = Figure(figsize=(4.2, 3), layout="constrained")
+    a = figure.subplots()
+    for i, (label, line) in enumerate(points.items()):
+        line = sorted(p for p in line if p[3] == over[p[0]])
+        x, y, s = ([p[j] for p in line] for j in range(3))
+        a.plot(x, y, **_look(i), label=label)
+        a.fill_between(
+            x,
+            [v - d for v, d in zip(y, s, strict=True)],
+            [v + d for v, d in zip(y, s, strict=True)],
+            color=_look(i)["color"],
+            alpha=0.15,
+            linewidth=0,
+        )
+    a.set_xscale("log", base=2)
+    a.set_xticks(counts, [str(k) for k in counts])
+    a.minorticks_off()
+    a.set_xlabel("images")
+    a.set_ylabel(f"mean angular error over {max(over.values())} objects, degrees")
+    a.grid(axis="y", linewidth=0.3)
+    a.legend()
+    return figure
+
+
+def seconds(wish: Wish) -> Figure:
+    """One mark for each method: seconds for one object from all images, and the error that they buy."""
+    table = next((t for t in _tables(wish) if t.protocol == "all" and t.columns), None)
+    if table is None:
+        raise InputError(f"{wish.runs} holds no errors from all images; run photonormal bench on a set with truth.")
+    rows = [r for r in table.rows if column(table) in r.cells and r.over == table.over]
+    figure = Figure(figsize=(4.2, 3), layout="constrained")
+    a = figure.subplots()
+    for i, row in enumerate(rows):
+        x, y = row.cost.solve_s, row.cells[column(table)].value
+        look = _look(i) | {"linestyle": "none", "markersize": 6}
+        a.plot([x], [y], **look)
+        a.annotate(row.label, (x, y), xytext=(5, 4), textcoords="offset points", fontsize=7)
+    a.set_xscale("log")
+    a.margins(x=0.2, y=0.12)
+    a.xaxis.set_major_formatter("{x:g}")
+    low, high = a.get_xlim()
+    a.xaxis.set_minor_formatter("{x:g}" if high < 12 * low else "")
+    a.set_xlabel(f"seconds for one object, without reading ({rows[0].cost.machine})")
+    a.set_ylabel(f"mean angular error over {table.over} objects, degrees")
+    a.grid(linewidth=0.3)
+    return figure
+
+
+def column(table: Table) -> str:
+    """The column that sums a table up."""
+    return "average" if "average" in table.columns else "mean_deg"
+
+
+def _tables(wish: Wish) -> list[Table]:
+    return tables(wish.runs, wish.methods, [dataset_of(wish)])
+
+
+def _look(i: int) -> dict[str, Any]:
+    """Colour, marker and line of the i-th method; no two are alike."""
+    k = len(COLOURS)
+    return {
+        "color": COLOURS[i % k],
+        "marker": MARKERS[(i + i // k) % len(MARKERS)],
+        "linestyle": LINES[(i // k) % len(LINES)],
+        "markersize": 4,
+        "linewidth": 1.2,
+    }

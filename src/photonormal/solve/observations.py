@@ -43,7 +43,7 @@ def grey_levels(capture: Capture, clip: bool = True) -> Float[Tensor, "p n"]:
     inside = np.flatnonzero(capture.mask)
 
     def grey(_: int, image: np.ndarray) -> np.ndarray:
-        level = image.reshape(-1, image.shape[2])[inside] @ weights  # (p,)
+        level = image.reshape(-1, image.shape[2]).take(inside, axis=0) @ weights  # (p,)
         return level if np.isfinite(level).all() else np.nan_to_num(level, nan=0, posinf=0, neginf=0)
 
     I = torch.from_numpy(np.stack(capture.map_images(grey), axis=-1))  # (p, n)

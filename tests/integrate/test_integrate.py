@@ -53,6 +53,33 @@ def test_the_error_falls_with_the_square_of_the_resolution(method):
     assert errors[0] / errors[1] > 3.3  # of 4
 
 
+def ball(size: int) -> tuple[Normals, np.ndarray]:
+    """A ball out to where its slope is 2.7; normals and heights in pixels."""
+    mask = disc(size, 0.5, 0.5, 0.47)
+    v, u = np.mgrid[:size, :size] - 0.5 * size
+    z = np.sqrt(np.maximum((0.5 * size) ** 2 - u**2 - v**2, 1))
+    return surface_normals(-u / z, v / z, mask), z
+
+
+def test_least_squares_is_exact_on_a_sphere():
+    normals, z = ball(48)
+    assert residual(integrate(normals, "quadratic").depth, z, normals.mask) < 1e-4
+
+
+def test_mean_slopes_follow_a_bend_more_closely_than_one_sided_ones():
+    normals, z = ball(96)
+    ours, paper = (integrate(normals, "bilateral", midpoint=m).depth for m in (True, False))
+    assert residual(ours, z, normals.mask) < 0.7 * residual(paper, z, normals.mask)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_tilted_plane_is_exact(method):
+    mask = np.ones((20, 31), bool)
+    normals = surface_normals(np.full(mask.shape, 0.5), np.full(mask.shape, -2.0), mask)
+    v, u = np.mgrid[:20, :31]
+    assert residual(integrate(normals, method).depth, 0.5 * u + 2.0 * v, mask) < 1e-3
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_facing_the_camera_is_level(method):
     mask = disc(40, 0.5, 0.5, 0.4)
@@ -80,6 +107,32 @@ def test_parts_and_holes(method):
         assert residual(depth, z, part) < 0.01 * np.ptp(z)
         assert abs(depth[part].mean()) < 1e-6
     assert depth[2, 60] == 0
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("camera", [None, np.array([[50.0, 0, 3], [0, 50.0, 2], [0, 0, 1]])])
+def test_pixels_without_neighbours_and_normals_that_look_away(method, camera):
+    mask = np.zeros((5, 7), bool)
+    mask[::2, ::2] = True
+    v = np.array([0.6, 0.0, -0.8])
+    depth = integrate(Normals(np.where(mask[..., None], v, 0), mask), method, K=camera).depth
+    assert (depth[mask] == (0 if camera is None else 1)).all()
+    row = np.zeros((5, 7), bool)
+    row[2] = True
+    depth = integrate(Normals(np.where(row[..., None], v, 0), row), method, K=camera).depth
+    assert np.isfinite(depth[row]).all() and (np.diff(depth[2]) * (1 if camera is not None else -1) > 0).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_crop_changes_nothing_once_the_principal_point_moves_with_it(method):
+    mask = disc(40, 0.5, 0.5, 0.25)
+    normals, _ = hills(40, mask)
+    K = np.array([[300.0, 0, 19.5], [0, 310.0, 18.0], [0, 0, 1]])
+    whole = integrate(normals, method, K=K)
+    crop = Normals(normals.map[8:33, 5:36], mask[8:33, 5:36])
+    part = integrate(crop, method, K=K - np.array([[0, 0, 5], [0, 0, 8], [0, 0, 0]]))
+    assert np.abs(whole.depth[8:33, 5:36] - part.depth)[crop.mask].max() < 1e-9
+    assert whole.depth[mask].mean() == pytest.approx(1)
 
 
 def crack(height: float = 24.0, size: int = 48) -> tuple[Normals, np.ndarray]:
@@ -137,6 +190,12 @@ def test_what_cannot_be_integrated_is_refused():
         integrate(normals, "bilateral", sharpness=3)
     with pytest.raises(InputError, match="3 x 3 finite numbers"):
         integrate(normals, K=np.eye(4))
+    with pytest.raises(InputError, match="positive focal lengths"):
+        integrate(normals, K=np.diag([-100.0, 100, 1]))
+    with pytest.raises(InputError, match="grazing is 2.0 but a cosine between 0 and 1 is needed"):
+        integrate(normals, grazing=2.0)
+    with pytest.raises(InputError, match="k is -1.0 and"):
+        integrate(normals, "bilateral", k=-1.0)
     with pytest.raises(InputError, match="no pixel has a normal"):
         integrate(Normals(np.zeros((4, 4, 3)), np.zeros((4, 4), bool)))
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import warnings
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg
 
+from photonormal.integrate.conjugate import Operator, conjugate_gradients
 from photonormal.integrate.slopes import pairs
 
 
@@ -40,7 +41,8 @@ class LaggedSolver:
     """
 
     def __init__(self, graph: PixelGraph, patience: int = 10) -> None:
-        self.graph, self.patience, self.multigrid = graph, patience, None
+        self.graph, self.patience = graph, patience
+        self.multigrid: Operator | None = None
 
     def __call__(
         self, c: Float[np.ndarray, " e"], flow: Float[np.ndarray, " e"], z: Float[np.ndarray, " p"], rtol: float
@@ -50,21 +52,41 @@ class LaggedSolver:
         rhs = Dt @ flow
         if not rhs.any():
             return np.zeros_like(z)
-        size = (self.graph.pixels, self.graph.pixels)
-        A = LinearOperator(size, matvec=lambda x: Dt @ (c * (D @ x)), dtype=np.float64)  # pyright: ignore[reportCallIssue]
         if self.multigrid is None:
             self.multigrid = self.build(c)
-        z, unfinished = cg(A, rhs, z, rtol=rtol, maxiter=self.patience, M=self.multigrid)
-        if unfinished:
+
+        def A(x: np.ndarray) -> np.ndarray:
+            return Dt @ (c * (D @ x))
+
+        z, done = conjugate_gradients(A, rhs, z, self.multigrid, rtol, self.patience)
+        if not done:
             self.multigrid = self.build(c)
-            z, _ = cg(A, rhs, z, rtol=rtol, maxiter=500, M=self.multigrid)
+            z, _ = conjugate_gradients(A, rhs, z, self.multigrid, rtol, most=500)
         return z
 
-    def build(self, c: Float[np.ndarray, " e"]) -> LinearOperator:
+    def build(self, c: Float[np.ndarray, " e"]) -> Operator:
         """A V-cycle for D' C D, made definite by a weight (1e-9) that moves nothing that the slopes decide."""
         import pyamg
 
         A = self.graph.Dt @ sparse.diags(c + 1e-9) @ self.graph.D + 1e-9 * sparse.identity(self.graph.pixels)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyamg's own, about nothing that a user could change
-            return pyamg.ruge_stuben_solver(sparse.csr_matrix(A)).aspreconditioner()
+            hierarchy = pyamg.ruge_stuben_solver(
+                sparse.csr_matrix(A),
+                presmoother=("gauss_seidel", {"sweep": "forward"}),
+                postsmoother=("gauss_seidel", {"sweep": "backward"}),
+            )
+
+        levels: list[Any] = hierarchy.levels
+
+        def cycle(b: np.ndarray, depth: int = 0) -> np.ndarray:  # pyamg's own also takes norms, which costs as much
+            level = levels[depth]
+            if depth == len(levels) - 1:
+                return hierarchy.coarse_solver(level.A, b)
+            x = np.zeros_like(b)
+            level.presmoother(level.A, x, b)
+            x += level.P @ cycle(level.R @ (b - level.A @ x), depth + 1)
+            level.postsmoother(level.A, x, b)
+            return x
+
+        return cycle

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.sparse.linalg import LinearOperator, cg
 
+from photonormal.integrate.conjugate import conjugate_gradients
 from photonormal.integrate.simchony import divergence, poisson
 from photonormal.integrate.slopes import pairs, slopes, surface
 from photonormal.types import Normals, Surface
@@ -45,8 +45,6 @@ class Quadratic:
         def rectangle(r: np.ndarray) -> np.ndarray:
             return poisson(-r.reshape(mask.shape)).ravel()
 
-        def operator(matvec) -> LinearOperator:
-            return LinearOperator((mask.size, mask.size), matvec=matvec, dtype=np.float64)  # pyright: ignore[reportCallIssue]
-
-        z, _ = cg(operator(laplacian), -f.ravel(), rtol=self.tolerance, M=operator(rectangle), maxiter=2000)
+        start = poisson(f).ravel()
+        z, _ = conjugate_gradients(laplacian, -f.ravel(), start, rectangle, self.tolerance, most=2000)
         return z.reshape(mask.shape)

@@ -448,6 +448,41 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Report:
+    """One HTML file with tables to sort, maps to compare and surfaces to turn; it needs no server or network."""
+
+    runs: Positional[Path]
+    """Folder that `bench` wrote."""
+    out: Path = Path("report.html")
+    """File to write."""
+    methods: str = ""
+    """Only these, like woodham,l1."""
+    datasets: str = ""
+    """Only these, like diligent."""
+    objects: str = ""
+    """Objects to show maps of; by default up to 12 of each dataset."""
+    surfaces: bool = True
+    """Integrate the normals of each object's best method."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.page import report
+
+        path = report(
+            self.runs,
+            self.out,
+            methods=listed(self.methods),
+            datasets=listed(self.datasets),
+            shown=listed(self.objects),
+            surfaces=self.surfaces,
+            overwrite=self.overwrite,
+        )
+        print(path)
+        return 0
+
+
+@dataclass(frozen=True)
 class Methods:
     """The methods that `measure` knows, with a line about each."""
 
@@ -474,6 +509,7 @@ Command = (
     | Annotated[Table, tyro.conf.subcommand("table")]
     | Annotated[Figure, tyro.conf.subcommand("figure")]
     | Annotated[Figure, tyro.conf.subcommand("figure")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[Methods, tyro.conf.subcommand("methods")]
 )
 

@@ -16,7 +16,7 @@ from photonormal.types import InputError
 
 WIDE = 12  # objects above which a table shows means over them instead of one column each
 MEANS = ("mean_deg", "below_15", "below_30")  # columns of such a table, as the paper's Table 1
-SOUND = "average without faulty pictures"
+SOUND = "average, faulty pictures left out"
 HIGHER = ("below_15", "below_30")  # columns where more is better
 PROTOCOLS = {"all": 0, "psfcn": 1, "draws": 2}  # order of tables
 

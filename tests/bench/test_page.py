@@ -1,0 +1,152 @@
+"""The report: one file, whole, and working in a browser."""
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+
+import cv2
+import numpy as np
+import pytest
+
+from photonormal.bench.page import report
+from photonormal.bench.page.layers import evenly
+from photonormal.bench.store import read_truth
+from photonormal.bench.tables import tables
+from photonormal.export import load_normals
+from photonormal.score import error_map_deg
+
+CHROMIUM = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome")) if p), None)
+ACTS = """
+<script>
+addEventListener("load", () => setTimeout(async () => {
+  const said = {}, table = document.querySelector("table");
+  const first = () => [...table.tBodies[0].rows].map((r) => r.cells[0].textContent);
+  const button = [...table.tHead.rows[0].cells].find((c) => c.textContent === "ball").firstElementChild;
+  button.click(); said.up = first();
+  button.click(); said.down = first();
+  said.wide = document.documentElement.scrollWidth <= innerWidth;
+  const set = (id, value, kind) => { at(id).value = value; at(id).dispatchEvent(new Event(kind)); };
+  set("object", "1", "change");
+  await compare.choose(1);
+  set("left", "photograph", "input"); set("right", "true normals", "input"); set("wipe", "25", "input");
+  await compare.draw();
+  said.clip = at("over").style.clipPath;
+  said.drawn = document.body.dataset.drawn;
+  const gl = at("surface").getContext("webgl2"), pixel = new Uint8Array(4);
+  if (gl) { gl.readPixels(240, 240, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); said.pixel = [...pixel]; }
+  const out = document.createElement("pre");
+  out.id = "said"; out.textContent = JSON.stringify(said); document.body.append(out);
+}, 1500));
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def page(runs, tmp_path_factory):
+    return report(runs, tmp_path_factory.mktemp("page") / "report.html")
+
+
+@pytest.fixture(scope="module")
+def data(page):
+    text = re.search(r'id="data">(.*?)</script>', page.read_text(), re.DOTALL)
+    return json.loads(text[1])
+
+
+def browse(page, *arguments):
+    command = [CHROMIUM, "--headless", "--no-sandbox", f"--user-data-dir={page.parent / 'profile'}"]
+    command += ["--window-size=1280,1400", "--hide-scrollbars", "--virtual-time-budget=10000", *arguments]
+    return subprocess.run([*command, page.as_uri()], capture_output=True, text=True, timeout=120, check=True).stdout
+
+
+def test_nothing_is_loaded_from_elsewhere(page):
+    text = page.read_text()
+    assert not re.search(r"""<[^>]*(src|href)\s*=|url\(|@import|https?://|\bimport\s|fetch\(""", text)
+    for mark in ("/* style */", "/* script */", "/* data */", "<!-- tables -->"):
+        assert mark not in text
+
+
+def test_it_holds_every_object_and_method(data):
+    assert [o["name"] for o in data["objects"]] == ["ball", "bear", "cat"]
+    assert all(set(o["methods"]) == {"woodham", "trimmed"} and o["truth"] for o in data["objects"])
+
+
+def test_error_levels_are_the_errors(runs, data):
+    ball = data["objects"][0]
+    picture = base64.b64decode(ball["methods"]["woodham"]["error"].split(",")[1])
+    levels = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
+    truth = read_truth(runs / "truth" / "diligent" / "ball.npz").normals
+    expected = error_map_deg(load_normals(runs / "woodham" / "diligent" / "ball.npz"), truth)
+    known = levels != data["unknown"]
+    assert known.sum() == np.isfinite(expected).sum()
+    inside = expected[np.isfinite(expected)]
+    assert np.abs(levels[known] / data["levels_per_degree"] - inside).max() <= 0.126
+
+
+def test_the_surface_of_a_sphere_is_round(data):
+    s = data["objects"][0]["surface"]
+    level = np.frombuffer(base64.b64decode(s["levels"]), "<u2").reshape(s["height"], s["width"])
+    middle = level[s["height"] // 2, s["width"] // 2]
+    assert middle > 0.95 * level.max() and (level[0] == 0).all()
+
+
+def test_tables_are_those_of_the_table_command(runs, page):
+    text = page.read_text()
+    for table in tables(runs):
+        assert f"<h2>{table.title}</h2>".replace("'", "&#x27;") in text
+        for row in table.rows:
+            assert f"{row.cells['cat'].value:.2f}" in text
+
+
+def test_objects_are_picked_evenly():
+    assert evenly(list("abcdefghi"), 3) == ["a", "e", "i"] and evenly(["a"], 3) == ["a"]
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_it_works_in_a_browser(runs, page, tmp_path):
+    acted = tmp_path / "acted.html"
+    acted.write_text(page.read_text().replace("</body>", ACTS + "</body>"))
+    dom = browse(acted, "--dump-dom")
+    assert "data-error" not in dom and 'data-ready="yes"' in dom
+    said = json.loads(re.search(r'<pre id="said">(.*?)</pre>', dom)[1])
+    errors = {r.label: r.cells["ball"].value for r in tables(runs)[0].rows}
+    assert said["up"] == sorted(errors, key=errors.__getitem__) and said["down"] == said["up"][::-1]
+    assert said["drawn"] == "bear|photograph|true normals" and "25%" in said["clip"] and said["wide"]
+    assert "pixel" not in said or max(said["pixel"][:3]) < 250  # the surface is drawn in the middle
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_its_screenshot_shows_errors_and_tables(page, tmp_path):
+    browse(page, f"--screenshot={tmp_path / 'shot.png'}")
+    shot = cv2.imread(str(tmp_path / "shot.png"))
+    assert shot.shape[:2] == (1400, 1280)
+    assert 0.3 < (shot == 255).all(-1).mean() < 0.97
+    ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_CIVIDIS)[:, 0].astype(int)
+    dark_blue = np.abs(shot[150:640, 40:560].astype(int) - ramp[:60, None, None]).max(-1).min(0) <= 6
+    assert dark_blue.mean() > 0.1  # small errors of the ball
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("ABSENT", "--out", "OUT/r.html"), "is no folder"),
+        (("RUNS", "--out", "OUT/r.pdf"), "an .html file"),
+        (("RUNS", "--out", "OUT/there.html"), "add --overwrite"),
+        (("RUNS", "--out", "OUT/r.html", "--objects", "horse"), "no object 'horse'"),
+        (("RUNS", "--out", "OUT/r.html", "--methods", "l1"), "no method 'l1'"),
+        (("RUNS", "--out", "OUT/no/r.html"), "folder does not exist"),
+    ],
+)
+def test_bad_input_is_one_line(runs, tmp_path, run, arguments, says):
+    (tmp_path / "there.html").write_text("mine")
+    places = {"RUNS": runs, "ABSENT": tmp_path / "absent"}
+    code, _, err = run("report", *(str(places.get(a, a)).replace("OUT", str(tmp_path)) for a in arguments))
+    assert code == 2 and says in err and len(err.splitlines()) == 1
+    assert (tmp_path / "there.html").read_text() == "mine" and not (tmp_path / "r.html").exists()
+
+
+def test_the_command_writes_it(runs, tmp_path, run):
+    code, out, err = run("report", runs, "--out", tmp_path / "r.html", "--no-surfaces", "--objects", "cat")
+    assert (code, err) == (0, "") and out.strip() == str(tmp_path / "r.html")
+    assert '"surface":null' in (tmp_path / "r.html").read_text()

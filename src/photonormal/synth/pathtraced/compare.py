@@ -34,7 +34,11 @@ REACH = 1.7  # half side of the cube that holds a drawn solid
 
 @dataclass(frozen=True)
 class Compared:
-    """Both renderers' images of one scene, direct light and with one bounce, (n, s, s, 3), and where lights arrive."""
+    """Both renderers' images of one scene, direct light and with one bounce, (n, s, s, 3), and where lights arrive.
+
+    Both see the path tracer's triangles. Of a drawn solid there are the training renderer's own normals, too, marched
+    to on the implicit surface, and its images of them: they differ by the triangles' error and by its own.
+    """
 
     name: str
     lights: Float[np.ndarray, "n 3"]
@@ -43,10 +47,15 @@ class Compared:
     bounced: tuple[np.ndarray, np.ndarray]
     reached: tuple[np.ndarray, np.ndarray]  # (n, s, s) bool
     normals: tuple[np.ndarray, np.ndarray]
+    marched: np.ndarray | None = None  # direct light on the training renderer's own surface
 
     def direct_percent(self) -> float:
         """Mean over images of the mean error over the mean value, on the pixels that light reaches."""
         return self._percent(self.direct)
+
+    def marched_percent(self) -> float:
+        """As `direct_percent`, of the training renderer's own surface."""
+        return float("nan") if self.marched is None else self._percent((self.marched, self.direct[1]))
 
     def bounced_percent(self) -> float:
         """As `direct_percent`, of light that came straight or by one other place."""
@@ -102,7 +111,7 @@ def compare(
     kind: str | Mesh,
     seed: int = 0,
     material: np.ndarray | None = None,
-    stock: dict[str, Any] | None = None,
+    stock: Any = None,
     n: int = 8,
     size: int = 128,
     samples: int = 64,
@@ -114,7 +123,7 @@ def compare(
     Parameters
     ----------
     kind : one of KINDS, drawn with `seed`, or a mesh about one unit in radius
-    material : eleven principled parameters; None: drawn, varying over the surface
+    material : eleven principled parameters, or three albedos; None: drawn, varying over the surface
     stock : a material of Mitsuba's own to put in the place of the same formula
     n, size, samples, cells : lights, pixels a side, paths a pixel, cells a side of the grid around a drawn solid
     """
@@ -124,37 +133,38 @@ def compare(
     scenes = replace(
         scenes, lights=tensor(L)[None], coats=scenes.coats if material is None else plain_coats(scenes.coats, material)
     )
-    geometry = None
+    own = None
     if isinstance(kind, Mesh):
         camera, mesh = Camera(half=1.1, size=size), kind
     else:
         view, start = frame(scenes, size)
-        geometry = visible_surface(scenes.solids, view, start)
+        own = visible_surface(scenes.solids, view, start)
         (x, y), half = view.centre[0].tolist(), float(view.half)
         camera, mesh = Camera(x, y, half, size), solid(scenes.solids, cells)
-    scene = tracer.build([dressed(mesh, scenes.coats, material).shape(stock or bsdf("principled", material))], camera)
+    if stock is None:
+        matt = material is not None and len(material) == 3
+        stock = diffuse(material) if matt else bsdf("principled", material)
+    scene = tracer.build([dressed(mesh, scenes.coats, material).shape(stock)], camera)
     seen = tracer.look(scene, camera)
-    if geometry is None:
-        geometry = geometry_of(seen, camera)
-    ours = [_render(replace(scenes, bounce=torch.tensor([b])), geometry, made) for b in (False, True)]
-    theirs = [
-        tracer.trace(scene, camera, L, 1, 0, centred=True),
-        tracer.trace(scene, camera, L, samples, 1, centred=True),
-    ]
-    mask = geometry.mask[0].numpy() & seen.mask
+    geometry = geometry_of(seen, camera)
+    straight = replace(scenes, bounce=torch.tensor([False]))
+    mask = seen.mask if own is None else seen.mask & own.mask[0].numpy()
     field = torch.where(geometry.mask, geometry.height, EMPTY)
     pixels = torch.arange(size * size, dtype=torch.int32)[None]
     visible = horizon(field, scenes.lights).visibility(pixels, geometry.height.flatten(1))[0].view(n, size, size)
-    normals = geometry.normals[0].permute(1, 2, 0).numpy()
-    facing = np.einsum("hwc,nc->nhw", normals, L) > 0
+    facing = np.einsum("hwc,nc->nhw", seen.normals, L) > 0
     return Compared(
         name or (kind if isinstance(kind, str) else "mesh"),
         L,
         mask,
-        (ours[0], theirs[0]),
-        (ours[1], theirs[1]),
+        (_render(straight, geometry, made), tracer.trace(scene, camera, L, 1, 0, centred=True)),
+        (
+            _render(replace(scenes, bounce=torch.tensor([True])), geometry, made),
+            tracer.trace(scene, camera, L, samples, 1, centred=True),
+        ),
         ((visible.numpy() > 0.5) & facing & mask, tracer.reached(scene, camera, L) & mask),
-        (normals, seen.normals),
+        (seen.normals if own is None else own.normals[0].permute(1, 2, 0).numpy(), seen.normals),
+        None if own is None else _render(straight, own, made),
     )
 
 
@@ -199,12 +209,20 @@ def dressed(mesh: Mesh, coats: Coats, material: np.ndarray | None) -> Mesh:
     return replace(mesh, attributes={a: table[:, 3 * i : 3 * i + 3] for i, a in enumerate(ATTRIBUTES)})
 
 
+def diffuse(albedo: Any) -> dict[str, Any]:
+    """Mitsuba's own Lambertian material."""
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [float(a) for a in albedo]}}
+
+
 def plain_coats(coats: Coats, material: np.ndarray) -> Coats:
-    """Coats of one principled material everywhere."""
+    """Coats of one material everywhere: eleven principled parameters, or the three albedos of a Lambertian surface."""
+    family = FAMILIES.index("lambert" if len(material) == 3 else "principled")
+    palette = np.zeros(coats.palette.shape[-1])
+    palette[: len(material)] = material
     return replace(
         coats,
-        family=torch.zeros_like(coats.family),
-        palette=tensor(material).expand_as(coats.palette).clone(),
+        family=torch.full_like(coats.family, family),
+        palette=tensor(palette).expand_as(coats.palette).clone(),
         pattern=torch.zeros_like(coats.pattern),
         contrast=torch.zeros_like(coats.contrast),
     )

@@ -16,7 +16,7 @@ from photonormal.types import InputError
 
 WIDE = 12  # objects above which a table shows means over them instead of one column each
 MEANS = ("mean_deg", "below_15", "below_30")  # columns of such a table, as the paper's Table 1
-SOUND = "average, faulty pictures left out"
+SOUND = "average with "  # and the columns of objects without their faulty pictures
 HIGHER = ("below_15", "below_30")  # columns where more is better
 PROTOCOLS = {"all": 0, "psfcn": 1, "draws": 2}  # order of tables
 
@@ -145,7 +145,8 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
         for s in group:
             if s.prediction.protocol == "sound" and _sound(s) not in objects:
                 objects.insert(objects.index(s.prediction.object) + 1, _sound(s))  # bear, then bear76
-        columns = (*objects, "average", *([SOUND] if any(s.prediction.protocol == "sound" for s in group) else []))
+        sound = list(dict.fromkeys(_sound(s) for s in group if s.prediction.protocol == "sound"))
+        columns = (*objects, "average", *([SOUND + ", ".join(sound)] if sound else []))
     rows = []
     for label in dict.fromkeys(s.prediction.label for s in group):
         config = known[label, dataset]
@@ -180,7 +181,9 @@ def _row(label: str, method: str, mine: list[Scored], columns: Sequence[str], so
         means = [statistics.fmean(errors[o][d] for o in objects) for d in sorted(common)]
         measured["average"] = means or [statistics.fmean(statistics.fmean(errors[o].values()) for o in objects)]
         if instead:
-            measured[SOUND] = [statistics.fmean(statistics.fmean(measured[instead.get(o, o)]) for o in objects)]
+            measured[SOUND + ", ".join(instead.values())] = [
+                statistics.fmean(statistics.fmean(measured[instead.get(o, o)]) for o in objects)
+            ]
     elif columns and objects:
         measured = {c: [statistics.fmean(s.score[c] for s in mine if s.score is not None)] for c in columns}
     theirs = {c: next((p for p in sources if p.value(c, objects) is not None), None) for c in measured}

@@ -41,7 +41,8 @@ const compare = {
     const scale = Math.min(520 / this.object.width, 480 / this.object.height);
     at("stage").parentElement.style.width = `${Math.round(scale * this.object.width)}px`;
     await this.draw();
-    surface.show(this.object.surface);
+    const s = this.object.surface;
+    await surface.show(s, s && this.picture(this.object.methods[s.method].normals));
   },
 
   async draw() {

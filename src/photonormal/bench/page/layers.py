@@ -18,7 +18,7 @@ from photonormal.types import Normals
 LEVELS_PER_DEGREE = 4  # of an 8-bit error map
 UNKNOWN = 255  # its level where there is no error
 SIDE = 512  # pixels; larger pictures are reduced to it
-SURFACE_SIDE = 192
+SURFACE_SIDE = 256
 MARGIN = 3
 
 

@@ -66,25 +66,24 @@ const surface = {
     return true;
   },
 
-  show(s) {
+  async show(s, picture) {
     const canvas = document.getElementById("surface"), said = document.getElementById("surface-said");
     canvas.parentElement.hidden = !s;
     if (!s) return;
     if (!this.gl && !this.start()) { said.textContent = "The surface needs WebGL 2, which this browser does not offer."; return; }
     said.textContent = `Surface integrated from the normals of ${s.method}. Drag or use the arrow keys to turn it, the wheel to zoom.`;
     const raw = Uint8Array.from(atob(s.levels), (c) => c.charCodeAt(0)), level = new Uint16Array(raw.buffer);
-    const { width: w, height: h } = s, size = Math.max(w, h), z = (i) => ((level[i] - 1) / 65534 - 0.5) * s.range;
+    const { width: w, height: h } = s, size = Math.max(w, h);
+    const pen = new OffscreenCanvas(w, h).getContext("2d");
+    pen.imageSmoothingEnabled = false; // the white around the object must not mix in
+    pen.drawImage(await picture, 0, 0, w, h);
+    const colours = pen.getImageData(0, 0, w, h).data;
     const places = new Float32Array(3 * w * h), normals = new Float32Array(3 * w * h), corners = [];
-    const slope = (i, a, b) => { // along one axis, from the neighbours that there are
-      const left = a >= 0 && level[a] > 0, right = b >= 0 && level[b] > 0;
-      return left && right ? (z(b) - z(a)) / 2 : right ? z(b) - z(i) : left ? z(i) - z(a) : 0;
-    };
     for (let y = 0, i = 0; y < h; y++) for (let x = 0; x < w; x++, i++) {
       if (!level[i]) continue;
-      places.set([(2 * x - w) / size, (h - 2 * y) / size, (2 * z(i)) / size], 3 * i);
-      const p = slope(i, x ? i - 1 : -1, x + 1 < w ? i + 1 : -1), q = slope(i, y + 1 < h ? i + w : -1, y ? i - w : -1);
-      const length = Math.hypot(p, q, 1);
-      normals.set([-p / length, -q / length, 1 / length], 3 * i);
+      const z = ((level[i] - 1) / 65534 - 0.5) * s.range;
+      places.set([(2 * x - w) / size, (h - 2 * y) / size, (2 * z) / size], 3 * i);
+      normals.set([0, 1, 2].map((c) => colours[4 * i + c] / 127.5 - 1), 3 * i);
       if (x + 1 < w && y + 1 < h && level[i + 1] && level[i + w]) {
         corners.push(i, i + w, i + 1);
         if (level[i + w + 1]) corners.push(i + 1, i + w, i + w + 1);

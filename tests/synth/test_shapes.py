@@ -50,7 +50,7 @@ def test_every_kind_is_seen_with_unit_normals_that_face_the_camera():
 
 
 def test_points_seen_lie_on_the_surface_and_nothing_lies_before_them():
-    solids = draw_solids(rng(5), 4, (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.5)
+    solids = draw_solids(rng(5), 4, (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.3)
     for i in range(4):
         solid = take(solids, slice(i, i + 1))
         view, g = seen(solid, 1)

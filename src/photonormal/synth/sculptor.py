@@ -127,7 +127,7 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
 
 def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) -> Detail:
     plain, _, figure, relief, _, turned, pile = (kind == i for i in range(len(KINDS)))
-    frequency = np.stack([log_uniform(g, 2.5, 6, b), log_uniform(g, 8, 20, b), log_uniform(g, 30, 70, b)], -1)
+    frequency = np.stack([log_uniform(g, 2.5, 6, b), log_uniform(g, 8, 20, b), log_uniform(g, 22, 45, b)], -1)
     scale = (
         roughness
         * np.where(plain, (g.random(b) < 0.15) * 0.3, 1.0)
@@ -145,9 +145,9 @@ def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) 
     fold = log_uniform(g, 8, 26, b)
     direction = unit_vectors(g, (b,)) * [1, 0.5, 0.5]
     return Detail(
-        draw_waves(g, frequency[:, 0:1], 10, 1.3),
-        draw_waves(g, frequency[:, 1:2], 10, 1.3),
-        draw_waves(g, frequency[:, 2:3], 10, 1.3),
+        draw_waves(g, frequency[:, 0:1], 8, 1.3),
+        draw_waves(g, frequency[:, 1:2], 8, 1.3),
+        draw_waves(g, frequency[:, 2:3], 8, 1.0),
         tensor(slope / frequency),
         tensor(sometimes(0.22, 0.3, 0.9) * g.choice([-1, 1], b) / frequency[:, 1]),
         tensor(sometimes(0.2, 0.02, 0.06)),

@@ -32,12 +32,14 @@ class Ellipsoids:
         M = self.M.transpose(1, 2).reshape(b, 3 * k, 3)  # the first rows of all parts, then the second, the third
         shift = (self.M @ self.c[..., None])[..., 0].transpose(1, 2).reshape(b, 3 * k, 1)
         s = torch.baddbmm(-shift, M, p).square().view(b, 3, k, -1)  # (b, 3, k, p)
+        e = self.e[..., None]
         if box:
-            e = self.e[:, None, :, None]
-            s = torch.where(e > 2, s.square(), s)
-            s = torch.where(e > 4, s.square(), s)
-        r = s[:, 0] + s[:, 1] + s[:, 2] + 1e-12  # (b, k, p)
-        r = r ** (1 / self.e[..., None]) if box else r.sqrt()
+            s = torch.where(e[:, None] > 2, s.square(), s)
+            s = torch.where(e[:, None] > 4, s.square(), s)
+        r = (s[:, 0] + s[:, 1] + s[:, 2] + 1e-12).sqrt()  # (b, k, p)
+        if box:
+            r = torch.where(e > 2, r.sqrt(), r)
+            r = torch.where(e > 4, r.sqrt(), r)
         shortest = 1 / self.M.norm(dim=-1).amax(-1)[..., None]  # (b, k, 1)
         d = (r - 1) * shortest
         return d if bool(self.on.all()) else torch.where(self.on[..., None], d, FAR)
@@ -120,7 +122,8 @@ class Detail:
 
     def bound(self) -> Float[Tensor, " b"]:
         """About the largest displacement outwards."""
-        return 3.2 * self.noise.norm(dim=-1) + 0.8 * self.ridge.abs() + self.fold + self.carve.clamp(max=0).abs()
+        ridge = 0.8 * self.ridge.clamp(min=0) - 1.8 * self.ridge.clamp(max=0)
+        return 3.2 * self.noise.norm(dim=-1) + ridge + self.fold
 
     def any(self) -> bool:
         """Whether there is anything to add."""

@@ -159,12 +159,15 @@ def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple
         )
         for _ in range(3 + 2 * round):
             d = f(torch.stack([xi, yi, zi], 1))
-            inside = going & (d < 0)
+            begun = di_high < torch.inf  # a ray that begins inside, under a rare peak, first goes back
+            inside = going & (d < 0) & begun
             lo, di_low = torch.where(inside, zi, lo), torch.where(inside, d, di_low)
             going = going & ~inside & (zi > -REACH)
             rate = (di_high - d) / (hi - zi).clamp(min=1e-6)  # inf before the second step
             step = torch.minimum(d / rate.clamp(min=0.25, max=1.0), d + 4 * shortest).maximum(shortest)
-            hi, di_high = torch.where(going, zi, hi), torch.where(going, d, di_high)
+            step = torch.where((d < 0) & ~begun, 2 * d - 4 * shortest, step)
+            hi = torch.where(going, zi, hi)
+            di_high = torch.where(going & (d >= 0), d, di_high)
             zi = torch.where(going, zi - step, zi)
         z, high, low = z.scatter(1, i, zi), high.scatter(1, i, hi), low.scatter(1, i, lo)
         d_high, d_low = d_high.scatter(1, i, di_high), d_low.scatter(1, i, di_low)

@@ -45,6 +45,7 @@ def test_materials_have_means_instead_of_columns(tmp_path):
     done = bench("materials", tmp_path / "root", tmp_path / "runs", methods="woodham")
     assert done.predicted == 14 and not done.failures
     (table,) = tables(tmp_path / "runs")
+    assert table.dataset == "materials-root"  # the same materials on another object stay apart
     assert table.columns == ("mean_deg", "below_15", "below_30") and table.rows[0].over == 14
     assert table.rows[0].cells["below_30"].value == 100
 
@@ -63,6 +64,8 @@ def test_cycles_finds_renderings_and_their_counts(tmp_path, capture):
     done = bench("cycles", tmp_path, tmp_path / "runs", methods="woodham")
     assert done.predicted == 2 and not done.failures
     assert tables(tmp_path / "runs")[0].rows[0].cells["sphere specular"].value < 6
+    (tmp_path / "set.json").write_text("{}")  # as photonormal.synth leaves it: published figures are of other pictures
+    assert {i.dataset for i in items("cycles", tmp_path / "L64")} == {"rendered-cycles64"}
 
 
 def test_lightstage_has_pictures_but_no_errors(tmp_path, capture, run):

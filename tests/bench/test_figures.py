@@ -1,6 +1,7 @@
 """Figures: written as PNG and PDF, and showing what is stored."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ pytest.importorskip("matplotlib")
 from photonormal.bench.figures import FIGURES, Wish
 from photonormal.bench.figures.convergence import convergence, read_journal
 from photonormal.bench.figures.curves import images, seconds
-from photonormal.bench.figures.maps import errors
+from photonormal.bench.figures.maps import dataset_of, errors
 from photonormal.bench.figures.materials import materials
 from photonormal.bench.figures.relief import relief
 from photonormal.bench.figures.style import COLOURS
@@ -65,6 +66,17 @@ def test_materials_are_in_the_order_of_least_squares(runs):
     figure = materials(Wish((str(runs),)))
     heights = {a.get_title("left").split(":")[0]: [p.get_height() for p in a.patches] for a in figure.axes}
     assert heights["woodham"] == sorted(heights["woodham"]) and len(heights["trimmed"]) == 3
+
+
+def test_which_dataset_is_drawn(runs, tmp_path):
+    for dataset in ("materials-a", "materials-b", "diligent"):
+        shutil.copytree(runs / "woodham" / "diligent", tmp_path / "woodham" / dataset)
+    wish = Wish((str(tmp_path),))
+    assert dataset_of(wish) == "diligent" and dataset_of(Wish((str(tmp_path),), "materials-b")) == "materials-b"
+    with pytest.raises(InputError, match="choose one with --dataset"):
+        dataset_of(wish, "materials")
+    shutil.rmtree(tmp_path / "woodham" / "materials-a")
+    assert dataset_of(wish, "materials") == "materials-b"
 
 
 def test_convergence_draws_the_journals(trainings):

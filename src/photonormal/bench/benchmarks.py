@@ -86,8 +86,9 @@ def _diligent(root: Path) -> list[Item]:
 
 
 def _materials(root: Path) -> list[Item]:
-    folders = _diligent_folders(root)
-    return [_in_diligent_layout("materials", p.name.removesuffix("PNG"), i, p) for i, p in enumerate(folders)]
+    """One object in many materials; the root's name tells which object."""
+    folders, dataset = _diligent_folders(root), f"materials-{root.resolve().name}"
+    return [_in_diligent_layout(dataset, p.name.removesuffix("PNG"), i, p) for i, p in enumerate(folders)]
 
 
 def _diligent_folders(root: Path) -> list[Path]:
@@ -104,8 +105,12 @@ def _in_diligent_layout(dataset: str, name: str, index: int, path: Path) -> Item
 
 
 def _cycles(root: Path) -> list[Item]:
-    """Renderings of `<object>.obj` folders, in `root` or one level below; the count of lights tells the dataset."""
+    """Renderings of `<object>.obj` folders, in `root` or one level below; the count of lights tells the dataset.
+
+    Pictures that this package rendered go by another name: what is published on CyclesPSTest says nothing about them.
+    """
     found = []
+    ours = any((folder / "set.json").is_file() for folder in (root, root.resolve().parent))
     for folder in [root, *_folders(root)]:
         for path in _folders(folder):
             if not path.name.endswith(".obj") and not any((path / f).is_file() for f in FILES["cyclesps"][:2]):
@@ -115,7 +120,9 @@ def _cycles(root: Path) -> list[Item]:
             count = _lines(path / "light.txt")
             for kind in kinds:
                 name = f"{path.name.removesuffix('.obj')} {kind.name.removeprefix('images_') if kind != path else ''}"
-                found.append(Item(f"cycles{count or ''}", name.strip(), len(found), kind, "cyclesps", needed))
+                found.append(
+                    Item(f"{'rendered-' * ours}cycles{count or ''}", name.strip(), len(found), kind, "cyclesps", needed)
+                )
     return found
 
 

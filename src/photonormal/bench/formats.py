@@ -45,10 +45,10 @@ def _written(table: Table, m: Marks) -> str:
     parts = [m.title(table.title)]
     if table.columns:
         spread = " ± standard deviation over the draws" if table.protocol == "draws" else ""
+        small = "Small: as published, and ours less theirs. " if any(r.sources for r in table.rows) else ""
         parts += [
             m.paragraph(
-                f"Mean angular error in degrees{spread}. Small: as published, and ours less theirs. "
-                "Best in bold, second underlined. Blank: not there."
+                f"Mean angular error in degrees{spread}. {small}Best in bold, second underlined. Blank: not there."
             ),
             m.table(["method", *(heading(table, c) for c in table.columns)], [_cells(r, table, m) for r in table.rows]),
         ]

@@ -119,14 +119,13 @@ def chosen(wish: Wish, count: int = METHODS) -> tuple[list[Shown], list[str]]:
     return shown, labels
 
 
-def dataset_of(wish: Wish) -> str:
-    """The dataset named, else the only one, else diligent."""
+def dataset_of(wish: Wish, usual: str = "diligent") -> str:
+    """The dataset named, else the only one, else the only one whose name starts with the usual one's."""
     known = list(dict.fromkeys(dataset for _, dataset in configs(wish.runs)))
-    if wish.dataset or len(known) == 1:
-        return wish.dataset or known[0]
-    if "diligent" not in known:
+    found = [wish.dataset] if wish.dataset else known if len(known) == 1 else [k for k in known if k.startswith(usual)]
+    if len(found) != 1:
         raise InputError(f"{wish.runs} holds {', '.join(known)}; choose one with --dataset.")
-    return "diligent"
+    return found[0]
 
 
 def _best(found: list[Scored], names: list[str]) -> list[str]:

@@ -16,7 +16,7 @@ FIRST = "woodham"  # the method whose errors order the materials, where it is th
 def materials(wish: Wish) -> Figure:
     """One panel for each method, materials in one order: by the error of least squares."""
     errors: dict[str, dict[str, float]] = {}
-    for s in all_scored(wish.runs, wish.methods, [dataset_of(wish)]):
+    for s in all_scored(wish.runs, wish.methods, [dataset_of(wish, "materials")]):
         if s.prediction.protocol == "all" and s.score is not None:
             errors.setdefault(s.prediction.label, {})[s.prediction.object] = s.score["mean_deg"]
     if not errors:

@@ -17,7 +17,8 @@ def tables_html(tables: Sequence[Table]) -> str:
 def _section(table: Table) -> str:
     parts = [f"<section><h2>{escape(table.title)}</h2>"]
     if table.columns:
-        parts.append("<p>Mean angular error in degrees. Small: as published, and ours less theirs.</p>")
+        small = " Small: as published, and ours less theirs." if any(r.sources for r in table.rows) else ""
+        parts.append(f"<p>Mean angular error in degrees.{small}</p>")
         head = ["method", *(heading(table, c) for c in table.columns)]
         parts.append(_table(head, [_cells(r, table) for r in table.rows]))
     else:

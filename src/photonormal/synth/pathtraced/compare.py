@@ -116,6 +116,7 @@ def compare(
     size: int = 128,
     samples: int = 64,
     cells: int = 256,
+    detail: float = 1.0,
     name: str | None = None,
 ) -> Compared:
     """Render one scene with both.
@@ -126,8 +127,10 @@ def compare(
     material : eleven principled parameters, or three albedos; None: drawn, varying over the surface
     stock : a material of Mitsuba's own to put in the place of the same formula
     n, size, samples, cells : lights, pixels a side, paths a pixel, cells a side of the grid around a drawn solid
+    detail : scale of a drawn solid's relief; 0: smooth
     """
-    made = plain(shapes=tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Recipe.shapes, varying=1.0)
+    shapes = tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Recipe.shapes
+    made = plain(shapes=shapes, varying=1.0, detail=detail)
     L = lights(n)
     scenes = draw_scenes(made, rng(seed, 9), 1, n, None)
     scenes = replace(

@@ -95,7 +95,7 @@ OBJECTS: dict[str, Callable[[Path | None], Mesh]] = {
 }  # fmt: skip
 
 
-def _ellipsoid(p: Float[np.ndarray, "p 3"], c: tuple, axes: tuple, turn_deg: float) -> Float[np.ndarray, " p"]:
+def _ellipsoid(p: Float[np.ndarray, "p 3"], c: tuple, axes: tuple, turn_deg: float | int) -> Float[np.ndarray, " p"]:
     t = np.radians(turn_deg)
     q = (p - np.array(c)) @ np.array([[np.cos(t), -np.sin(t), 0], [np.sin(t), np.cos(t), 0], [0, 0, 1]])
     r = np.linalg.norm(q / np.array(axes), axis=1) + 1e-9

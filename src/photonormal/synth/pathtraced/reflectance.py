@@ -211,7 +211,7 @@ def _formula_bsdf() -> Any:
             bs.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
             bs.sampled_component = mi.UInt32(0)
             value = self.eval(ctx, si, bs.wo, active)
-            return bs, dr.select(bs.pdf > 1e-6, value / bs.pdf, mi.Color3f(0))
+            return bs, dr.select(bs.pdf > 1e-6, value / dr.maximum(bs.pdf, 1e-6), mi.Color3f(0))
 
         def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
             return self.eval(ctx, si, wo, active), self.pdf(ctx, si, wo, active)

@@ -192,9 +192,9 @@ def test_what_cannot_be_integrated_is_refused():
         integrate(normals, K=np.eye(4))
     with pytest.raises(InputError, match="positive focal lengths"):
         integrate(normals, K=np.diag([-100.0, 100, 1]))
-    with pytest.raises(InputError, match="grazing is 2.0 but a cosine between 0 and 1 is needed"):
+    with pytest.raises(InputError, match=r"grazing is 2\.0 but a cosine between 0 and 1 is needed"):
         integrate(normals, grazing=2.0)
-    with pytest.raises(InputError, match="k is -1.0 and"):
+    with pytest.raises(InputError, match=r"k is -1\.0 and"):
         integrate(normals, "bilateral", k=-1.0)
     with pytest.raises(InputError, match="no pixel has a normal"):
         integrate(Normals(np.zeros((4, 4, 3)), np.zeros((4, 4), bool)))

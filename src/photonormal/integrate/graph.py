@@ -65,7 +65,7 @@ class LaggedSolver:
         return z
 
     def build(self, c: Float[np.ndarray, " e"]) -> Operator:
-        """A V-cycle for D' C D, made definite by a weight (1e-9) that moves nothing that the slopes decide."""
+        """One V-cycle for D' C D, which a trace of the identity makes definite; it only guides the iteration."""
         import pyamg
 
         A = self.graph.Dt @ sparse.diags(c + 1e-9) @ self.graph.D + 1e-9 * sparse.identity(self.graph.pixels)

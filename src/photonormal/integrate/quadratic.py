@@ -37,14 +37,15 @@ class Quadratic:
     def solve(self, mask: np.ndarray, f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
         """z with div grad z = f where no flow crosses the border of the mask; `f` sums to zero on each of its parts."""
         right, down = pairs(mask)
+        filled = bool(mask.all())
 
         def laplacian(z: np.ndarray) -> np.ndarray:
             z = z.reshape(mask.shape)
             return divergence(right * -np.diff(z, axis=1), down * -np.diff(z, axis=0)).ravel()
 
         def rectangle(r: np.ndarray) -> np.ndarray:
-            return poisson(-r.reshape(mask.shape)).ravel()
+            return poisson(-r.reshape(mask.shape), exact=filled).ravel()
 
-        start = poisson(f).ravel()
+        start = rectangle(-f.ravel())
         z, _ = conjugate_gradients(laplacian, -f.ravel(), start, rectangle, self.tolerance, most=2000)
         return z.reshape(mask.shape)

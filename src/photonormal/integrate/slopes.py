@@ -55,7 +55,7 @@ def slopes(normals: Normals, K: np.ndarray | None, grazing: float) -> Slopes:
     rows, columns = np.flatnonzero(normals.mask.any(1)), np.flatnonzero(normals.mask.any(0))
     y0, x0 = rows[0], columns[0]
     box = slice(y0, rows[-1] + 1), slice(x0, columns[-1] + 1)
-    mask, n = normals.mask[box], np.moveaxis(normals.map[box], 2, 0).astype(np.float64)  # (3, h, w)
+    mask, n = normals.mask[box], np.moveaxis(normals.map[box], 2, 0).astype(np.float64, order="C")  # (3, h, w)
     if K is None:
         # n . (dx, -dy, dz) = 0 on the tangent plane, y of the picture running against y of the frame
         a, bx, by, f = n[2], -n[0], n[1], 1.0
@@ -65,11 +65,8 @@ def slopes(normals: Normals, K: np.ndarray | None, grazing: float) -> Slopes:
         R = flip @ np.linalg.inv(K)  # a point is P = d r, r = R (x, y, 1), d the distance along the axis
         # n . dP = 0 with P = exp(z / f) r:  (-n . r) dz/dx = f n . dr/dx
         rx, ry, r0 = np.tensordot(R, n, axes=(0, 0))  # (3, h, w): n . R
-        a = -(
-            rx * (np.arange(mask.shape[1]) + box[1].start)
-            + ry * (np.arange(mask.shape[0]) + box[0].start)[:, None]
-            + r0
-        )
+        x, y = x0 + np.arange(mask.shape[1]), y0 + np.arange(mask.shape[0])[:, None]
+        a = -(rx * x + ry * y + r0)
         bx, by = f * rx, f * ry
     return Slopes(mask, np.where(mask, np.maximum(a, grazing), 0), np.stack([bx, by]), f)
 

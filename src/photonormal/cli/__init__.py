@@ -1,0 +1,35 @@
+"""The command line: dataclasses become commands, which parse, call and print. The work is elsewhere."""
+
+from __future__ import annotations
+
+import sys
+
+import tyro
+
+from photonormal.cli.measuring import Convert, Integrate, Measure, Methods, Score
+from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
+from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
+from photonormal.types import InputError
+
+COMMANDS = (
+    *(Measure, Score, Integrate, Convert, Methods),
+    *(Calibrate, Check, Intensities, Mask),
+    *(Bench, Table, Figure, Report, Render, Train),
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; returns the exit code: 0 done, 1 a part failed, 2 wrong input or options, 130 interrupted."""
+    try:
+        command = tyro.extras.subcommand_cli_from_dict(
+            {c.__name__.lower(): c for c in COMMANDS},
+            prog="photonormal",
+            description="Surface normals, depth and meshes from photographs under known lights.",
+            args=arguments,
+        )
+        return command()
+    except InputError as error:
+        print(f"photonormal: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        return 130

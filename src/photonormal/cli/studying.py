@@ -1,0 +1,223 @@
+"""Commands for studies: benchmarks, tables and figures, rendered captures, training."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from photonormal.types import InputError
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Predict the normals of a benchmark's objects by several methods, and store them."""
+
+    benchmark: Positional[str]
+    """diligent, materials, cycles, blobby or lightstage."""
+    root: Positional[Path]
+    """Folder with the benchmark's objects; absent ones are left blank."""
+    out: Path = Path("runs")
+    """Folder of the predictions; what it holds is not predicted again."""
+    methods: str = "all"
+    """Methods like woodham,l1; one may enter again as label=method:option=value."""
+    images: str = "all"
+    """How many images: all, or counts like 10 or 8,16,96."""
+    draws: int = 10
+    """Random draws of fixed seeds where fewer than all images are used, besides the one of PS-FCN's code."""
+    fixed: tuple[Path, ...] = ()
+    """Text files with image numbers like 1-10,15, or lines `object: 1-10,15`."""
+    objects: str = ""
+    """Only these objects, like ball,cat."""
+    device: str = "auto"
+    """auto, cpu or cuda."""
+    jobs: int = 1
+    """Objects at a time; more than one disturbs the seconds measured."""
+
+    def __call__(self) -> int:
+        from photonormal.bench import bench
+
+        done = bench(
+            self.benchmark,
+            self.root,
+            self.out,
+            methods=self.methods,
+            images=self.images,
+            draws=self.draws,
+            fixed=self.fixed,
+            objects=self.objects,
+            device=self.device,
+            jobs=self.jobs,
+        )
+        for failure in done.failures:
+            print(f"photonormal: {failure}", file=sys.stderr)
+        print(f"{done.predicted} predictions stored in {self.out}, {done.kept} were there, {len(done.failures)} failed")
+        return 1 if done.failures else 0
+
+
+@dataclass(frozen=True)
+class Table:
+    """Tables of stored predictions: errors, published figures beside them, seconds and memory."""
+
+    runs: Positional[Path]
+    """Folder that `bench` wrote."""
+    markdown: bool = False
+    """Print Markdown, which is the default."""
+    json: bool = False
+    """Print JSON."""
+    latex: bool = False
+    """Print LaTeX."""
+    methods: str = ""
+    """Only these, like woodham,l1."""
+    datasets: str = ""
+    """Only these, like diligent."""
+    published: bool = False
+    """Add published figures of methods that are not in photonormal."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.formats import FORMATS
+        from photonormal.bench.tables import tables
+
+        chosen = [name for name in FORMATS if getattr(self, name)] or ["markdown"]
+        if len(chosen) > 1:
+            raise InputError(f"--{' and --'.join(chosen)} came but one format is printed; choose one.")
+        found = tables(self.runs, listed(self.methods), listed(self.datasets), self.published)
+        print(FORMATS[chosen[0]](found), end="")
+        return 0
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure from stored predictions, or from training logs, as PNG and PDF."""
+
+    name: Positional[str]
+    """errors, normals, images, seconds, materials or convergence."""
+    places: Positional[tuple[str, ...]]
+    """The folder that `bench` wrote; for convergence, folders of trainings, as FOLDER or LABEL=FOLDER."""
+    out: Path | None = None
+    """Folder to write into; by default `figures` in the folder of runs."""
+    dataset: str = ""
+    """Which dataset, where the runs hold several."""
+    methods: str = ""
+    """Only these, like woodham,l1, in this order."""
+    objects: str = ""
+    """Only these, like ball,cat, in this order."""
+    limit: float | None = None
+    """Error in degrees of the last colour of error maps."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.figures import figure
+
+        methods, objects = listed(self.methods), listed(self.objects)
+        for path in figure(self.name, self.places, self.out, self.dataset, methods, objects, self.limit):
+            print(path)
+        return 0
+
+
+@dataclass(frozen=True)
+class Report:
+    """One HTML file with tables to sort, maps to compare and surfaces to turn; it needs no server or network."""
+
+    runs: Positional[Path]
+    """Folder that `bench` wrote."""
+    out: Path = Path("report.html")
+    """File to write."""
+    methods: str = ""
+    """Only these, like woodham,l1."""
+    datasets: str = ""
+    """Only these, like diligent."""
+    objects: str = ""
+    """Objects to show maps of; by default up to 12 of each dataset."""
+    surfaces: bool = True
+    """Integrate the normals of each object's best method."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+
+    def __call__(self) -> int:
+        from photonormal.bench.page import report
+
+        path = report(
+            self.runs,
+            self.out,
+            methods=listed(self.methods),
+            datasets=listed(self.datasets),
+            shown=listed(self.objects),
+            surfaces=self.surfaces,
+            overwrite=self.overwrite,
+        )
+        print(path)
+        return 0
+
+
+def listed(text: str) -> list[str]:
+    """The names in `a,b`."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+@dataclass(frozen=True)
+class Render:
+    """Rendered captures with exact normals."""
+
+    recipe: Positional[str]
+    """One of photonormal.synth.RECIPES: demo, train, validation, ..."""
+    out: Path
+    """Folder to write; it must not exist yet, or be empty."""
+    count: int = 1
+    """How many samples."""
+    preview: bool = False
+    """Write contact-sheet.png, too."""
+    layout: str | None = None
+    """diligent (a folder each, for `measure`), blobby or shards; by default the recipe's own."""
+    device: str = "auto"
+    """auto, cpu or cuda."""
+    seed: int = 0
+    """Another seed, other samples."""
+
+    def __call__(self) -> int:
+        from photonormal.progress import progress
+        from photonormal.solve.observations import torch_device
+        from photonormal.synth.output import render
+
+        device = torch_device(self.device)
+        with progress(f"rendering {self.recipe}", self.count) as advance:
+            folder = render(
+                self.recipe,
+                self.count,
+                self.out,
+                preview=self.preview,
+                progress=lambda done, count: advance(),
+                layout=self.layout,
+                device=device,
+                seed=self.seed,
+            )
+        print(folder)
+        return 0
+
+
+@dataclass(frozen=True)
+class Train:
+    """Train a network; stopped at any moment it goes on from its last checkpoint with --resume."""
+
+    recipe: Positional[str]
+    """One of photonormal.train.recipes.RECIPES: paper, cpu, normalnet, ..."""
+    out: Path
+    """Folder for checkpoint, journal, TensorBoard and weights."""
+    minutes: float | None = None
+    """Time to stop after; the schedule stretches to it."""
+    steps: int | None = None
+    """Length in place of the recipe's."""
+    resume: bool = False
+    """Go on from the checkpoint in OUT."""
+    device: str = "auto"
+    """auto, cpu or cuda; several by torchrun."""
+
+    def __call__(self) -> int:
+        import logging
+
+        from photonormal.train import train
+
+        logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
+        print(train(self.recipe, self.out, self.minutes, self.steps, self.resume, self.device))
+        return 0

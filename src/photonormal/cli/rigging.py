@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from tyro.conf import Positional
@@ -74,7 +74,7 @@ class Intensities:
     """Where the board is, x0,y0,x1,y1 in pixels: in the reference's photographs, or in the object's without one."""
     overwrite: bool = False
     """Replace a file that exists."""
-    read: Read = Photographs()
+    read: Read = field(default_factory=Photographs)
 
     def __call__(self) -> int:
         from photonormal.rig import intensities
@@ -115,7 +115,7 @@ class Check:
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
 
-    read: Read = Photographs()
+    read: Read = field(default_factory=Photographs)
 
     def __call__(self) -> int:
         from photonormal.rig import check

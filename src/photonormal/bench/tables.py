@@ -12,6 +12,7 @@ from photonormal.bench.published import Published, of_method, others
 from photonormal.bench.scores import Scored, all_scored
 from photonormal.bench.store import configs
 from photonormal.capture.assemble import natural
+from photonormal.solve import METHODS
 from photonormal.types import InputError
 
 WIDE = 12  # objects above which a table shows means over them instead of one column each
@@ -141,14 +142,18 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
     elif len(names) > WIDE:
         columns = MEANS
     else:
-        objects = list(DILIGENT) + [n for n in names if n not in DILIGENT] if dataset == "diligent" else names
+        objects = names
+        if dataset == "diligent" and set(names) & set(DILIGENT):  # absent ones are blank
+            objects = list(DILIGENT) + [n for n in names if n not in DILIGENT]
         for s in group:
             if s.prediction.protocol == "sound" and _sound(s) not in objects:
                 objects.insert(objects.index(s.prediction.object) + 1, _sound(s))  # bear, then bear76
         sound = list(dict.fromkeys(_sound(s) for s in group if s.prediction.protocol == "sound"))
         columns = (*objects, "average", *([SOUND + ", ".join(sound)] if sound else []))
     rows = []
-    for label in dict.fromkeys(s.prediction.label for s in group):
+    place = {method: i for i, method in enumerate(METHODS)}
+    labels = {s.prediction.label for s in group}
+    for label in sorted(labels, key=lambda m: (place.get(known[m, dataset]["method"], len(place)), m)):
         config = known[label, dataset]
         mine = [s for s in group if s.prediction.label == label]
         plain = config["options"] == _defaults(config["method"])
@@ -222,7 +227,6 @@ def _sound(s: Scored) -> str:
 def _defaults(method: str) -> dict | None:
     """A method's own options as a config holds them; None where this version does not have the method."""
     from photonormal.bench.contest import Entry
-    from photonormal.solve import METHODS
 
     if method not in METHODS:
         return None

@@ -24,7 +24,7 @@ def images(wish: Wish) -> Figure:
     if len(counts) < 2:
         raise InputError(f"{wish.runs} holds {len(counts)} numbers of images; run photonormal bench --images 8,16,96.")
     over = {k: max(line[3] for lines in points.values() for line in lines if line[0] == k) for k in counts}
-    figure = Figure(figsize=(4.2, 3), layout="constrained")
+    figure = Figure(figsize=(5.0, 3), layout="constrained")
     a = figure.subplots()
     for i, (label, line) in enumerate(points.items()):
         line = sorted(p for p in line if p[3] == over[p[0]])
@@ -42,9 +42,9 @@ def images(wish: Wish) -> Figure:
     a.set_xticks(counts, [str(k) for k in counts])
     a.minorticks_off()
     a.set_xlabel("images")
-    a.set_ylabel(f"mean angular error over {max(over.values())} objects, degrees")
+    a.set_ylabel(summary(max(over.values())))
     a.grid(axis="y", linewidth=0.3)
-    a.legend()
+    figure.legend(loc="outside right center")  # never on a line
     return figure
 
 
@@ -67,7 +67,7 @@ def seconds(wish: Wish) -> Figure:
     low, high = a.get_xlim()
     a.xaxis.set_minor_formatter("{x:g}" if high < 12 * low else "")
     a.set_xlabel(f"seconds for one object, without reading ({rows[0].cost.machine})")
-    a.set_ylabel(f"mean angular error over {table.over} objects, degrees")
+    a.set_ylabel(summary(table.over))
     a.grid(linewidth=0.3)
     return figure
 
@@ -75,6 +75,11 @@ def seconds(wish: Wish) -> Figure:
 def column(table: Table) -> str:
     """The column that sums a table up."""
     return "average" if "average" in table.columns else "mean_deg"
+
+
+def summary(over: int) -> str:
+    """What the vertical axis shows."""
+    return f"mean angular error over {over} object{'s' * (over > 1)}, degrees"
 
 
 def _tables(wish: Wish) -> list[Table]:

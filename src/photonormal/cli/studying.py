@@ -219,5 +219,14 @@ class Train:
         from photonormal.train import train
 
         logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s")
-        print(train(self.recipe, self.out, self.minutes, self.steps, self.resume, self.device))
+        print(
+            train(
+                self.recipe,
+                self.out,
+                minutes=self.minutes,
+                steps=self.steps,
+                resume=self.resume,
+                device=self.device,
+            )
+        )
         return 0

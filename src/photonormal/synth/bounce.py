@@ -9,6 +9,9 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from photonormal.synth.params import indices
+
+NOTHING = -1e4  # height where there is no surface
 RAYS = 48
 STEPS = 20
 
@@ -27,33 +30,40 @@ def hits(
     """
     b, s, _ = height.shape
     device = height.device
-    N = normals.flatten(2)[:, :, receivers].transpose(1, 2)  # (b, r, 3)
-    z0 = height.flatten(1)[:, receivers]  # (b, r)
-    on = mask.flatten(1)[:, receivers]
-    d = _directions(N, seed)  # (b, r, m, 3)
-    col = (receivers % s).to(torch.float32)[None, :, None] + 0.5
-    row = (receivers // s).to(torch.float32)[None, :, None] + 0.5
-    x, y, z = (v[..., None] * 1.0 for v in N.unbind(-1))
-    col, row, z = col + x, row - y, z0[..., None] + z  # one pixel off the surface
+    every = mask.flatten(1)[:, receivers]  # (b, r)
+    chosen = indices(every)  # (b, q): those on the surface
+    pixel = receivers[chosen]
+    N = normals.flatten(2).gather(2, pixel[:, None].expand(-1, 3, -1)).transpose(1, 2)  # (b, q, 3)
+    d = _directions(N, seed)  # (b, q, m, 3)
     dx, dy, dz = d[..., 0], -d[..., 1], d[..., 2]
-    flat = torch.where(mask, height, -1e4).flatten()
-    scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (s * s)
+    x, y, z = N[..., None].unbind(2)  # rays begin one pixel off the surface, at (col, row, z) in a frame one wider
+    col, row = (pixel % s)[..., None] + 1.5 + x, (pixel // s)[..., None] + 1.5 - y
+    z = height.flatten(1).gather(1, pixel)[..., None] + z
+    wide = s + 2
+    flat = F.pad(torch.where(mask, height, NOTHING), (1, 1, 1, 1), value=NOTHING).flatten()
+    scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (wide * wide)
     end = torch.full(d.shape[:3], -1.0, device=device)  # length of each ray
-    open = on[..., None].expand_as(end).clone()
+    open = every.gather(1, chosen)[..., None].expand_as(end)
     before = torch.full_like(end, -1.0)
-    reach = torch.cumsum((1.0 * s / 12) ** torch.linspace(0, 1, STEPS), 0)
+    reach = torch.cumsum((s / 12) ** torch.linspace(0, 1, STEPS), 0)
     reach = reach * (1.2 * s / reach[-1])
+
+    def at(t: float | Tensor) -> Tensor:
+        c = (col + t * dx).clamp_(0, wide - 1).to(torch.int32)
+        return (row + t * dy).clamp_(0, wide - 1).to(torch.int32).mul_(wide).add_(c)
+
     for t, dt in zip(reach.tolist(), torch.diff(reach, prepend=torch.zeros(1)).tolist(), strict=True):
-        c, r = (col + t * dx).floor(), (row + t * dy).floor()
-        inside = (c >= 0) & (c < s) & (r >= 0) & (r < s)
-        pixel = (r.clamp(0, s - 1) * s + c.clamp(0, s - 1)).to(torch.int32)
-        depth = flat.index_select(0, (pixel + scene).flatten()).view_as(end) - (z + t * dz)
-        hit = open & inside & (depth > 0) & (depth < 4.0 * dt + 4.0)
-        end = torch.where(hit, t - dt * depth / (depth - before.clamp(max=-1e-3)), end)
-        open &= inside & ~hit
+        depth = flat.index_select(0, (at(t) + scene).flatten()).view_as(end) - (z + t * dz)
+        hit = open & (depth > 0) & (depth < 4.0 * dt + 4.0)
+        arrived = t - dt * depth / (depth - before.clamp(max=-1e-3)).clamp(min=1e-3)
+        end = torch.lerp(end, arrived, hit.to(end.dtype))
+        open = open & ~hit
         before = depth
-    c, r = (col + end * dx).floor().clamp(0, s - 1), (row + end * dy).floor().clamp(0, s - 1)
-    return torch.where(end >= 0, r * s + c, -1.0).to(torch.int32)
+    last = at(end)
+    last = (last // wide - 1).clamp(0, s - 1) * s + (last % wide - 1).clamp(0, s - 1)
+    last = torch.where(end >= 0, last, -1)
+    none = torch.full((b, len(receivers), RAYS), -1, dtype=torch.int32, device=device)
+    return none.scatter(1, chosen[..., None].expand_as(last), last)
 
 
 def _directions(N: Float[Tensor, "b r 3"], seed: int) -> Float[Tensor, "b r m 3"]:

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import torch
+from jaxtyping import Bool
 from torch import Tensor
 
 P = TypeVar("P")
@@ -63,3 +64,12 @@ def rotations(g: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
         [s * (x * z - y * w), s * (y * z + x * w), 1 - s * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
+def indices(chosen: Bool[Tensor, "b p"]) -> Tensor:
+    """Indices of the chosen ones in each row, filled up with others where a row has fewer: (b, most of any row)."""
+    if chosen.shape[0] == 1:
+        i = chosen.nonzero()[:, 1][None]
+        return i if i.numel() else i.new_zeros(1, 1)
+    count = max(1, int(chosen.sum(1).max()))
+    return chosen.to(torch.int8).argsort(dim=1, descending=True, stable=True)[:, :count]

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from photonormal.synth.bust import Bust
 from photonormal.synth.meshes import MeshViews
+from photonormal.synth.params import indices
 from photonormal.synth.shapes import Solids
 
 Solid = Solids | Bust | MeshViews
@@ -18,6 +19,7 @@ Field = Callable[[Tensor], Tensor]  # (b, 3, p) -> (b, p)
 
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
 WIDE, CELLS = 1.7, 24  # half width and resolution of the survey that finds where a solid is
+NONE = 1e9  # distance of a ray that has not begun
 COARSE = 4  # pixels along a side of the blocks that share the first part of their way
 
 
@@ -121,24 +123,25 @@ def _surveyed(start: Float[Tensor, "b c"], x: Tensor, y: Tensor, width: Tensor) 
     return z
 
 
-def _approach(
-    base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tensor, z: Tensor, rounds: int = 8
-) -> Float[Tensor, "b p"]:
+def _approach(base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tensor, z: Tensor) -> Float[Tensor, "b p"]:
     """Depth down to which no ray within `spread` of (x, y) has met a surface; -inf where there is none at all."""
     found = torch.zeros_like(x, dtype=torch.bool)
     active = z > -REACH
-    for _ in range(rounds):  # rays that have arrived are dropped between rounds
+    for round in range(6):  # rays that have arrived are dropped between rounds
         if not bool(active.any()):
             break
-        i = _indices(active)
+        i = indices(active)
+        shortest = shortest if round < 3 else 2 * shortest  # what is left grazes something
         xi, yi, zi, near = x.gather(1, i), y.gather(1, i), z.gather(1, i), found.gather(1, i)
-        for _ in range(5):
+        for _ in range(4):
             d = base(torch.stack([xi, yi, zi.clamp(min=-REACH)], 1)) - spread
-            near = near | ((d <= 0) & (zi > -REACH))
-            zi = torch.where(near, zi, zi - torch.maximum(d, shortest))
+            arrived = (d <= 0) & (zi > -REACH) & ~near
+            step = torch.lerp(d.maximum(shortest), -shortest.expand_as(d), arrived.to(d.dtype))
+            zi = torch.addcmul(zi, step, (~near).to(d.dtype), value=-1)
+            near = near | arrived
         z, found = z.scatter(1, i, zi), found.scatter(1, i, near)
         active = (z > -REACH) & ~found
-    return torch.where(found, z + shortest, -torch.inf)
+    return torch.where(found, z, -torch.inf)
 
 
 def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple[Tensor, Tensor]:
@@ -147,55 +150,49 @@ def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple
     A step is the distance, or somewhat longer where that shrinks more slowly than the ray advances; a step too far ends
     inside the solid, and the root lies between its ends.
     """
-    high, low = z.clone(), torch.full_like(z, torch.nan)  # the last point outside, the first inside
-    d_high, d_low = torch.full_like(z, torch.inf), torch.zeros_like(z)
+    high, low = z.clone(), torch.zeros_like(z)  # the last point outside, the first inside
+    d_high, d_low = torch.full_like(z, NONE), torch.zeros_like(z)  # the distances there
     active = z > -torch.inf
-    for round in range(6):  # rays that have arrived are dropped between rounds
+    hit = torch.zeros_like(active)
+    for round in range(4):  # rays that have arrived are dropped between rounds
         if not bool(active.any()):
             break
-        i = _indices(active)
-        xi, yi, zi, hi, lo, di_high, di_low, going = (
-            v.gather(1, i) for v in (x, y, z, high, low, d_high, d_low, active)
+        i = indices(active)
+        shortest = shortest if round < 2 else 2 * shortest  # what is left grazes something
+        xi, yi, zi, hi, lo, di_high, di_low, going, found = (
+            v.gather(1, i) for v in (x, y, z, high, low, d_high, d_low, active, hit)
         )
         for _ in range(3 + 2 * round):
             d = f(torch.stack([xi, yi, zi], 1))
-            begun = di_high < torch.inf  # a ray that begins inside, under a rare peak, first goes back
+            begun = di_high < NONE
             inside = going & (d < 0) & begun
-            lo, di_low = torch.where(inside, zi, lo), torch.where(inside, d, di_low)
+            found |= inside
+            now = inside.to(d.dtype)  # 0 or 1: `lerp` chooses several times faster than `where` does
+            lo, di_low = torch.lerp(lo, zi, now), torch.lerp(di_low, d, now)
             going = going & ~inside & (zi > -REACH)
-            rate = (di_high - d) / (hi - zi).clamp(min=1e-6)  # inf before the second step
+            rate = (di_high - d) / (hi - zi).clamp(min=1e-6)  # huge before the second step
             step = torch.minimum(d / rate.clamp(min=0.25, max=1.0), d + 4 * shortest).maximum(shortest)
-            step = torch.where((d < 0) & ~begun, 2 * d - 4 * shortest, step)
-            hi = torch.where(going, zi, hi)
-            di_high = torch.where(going & (d >= 0), d, di_high)
-            zi = torch.where(going, zi - step, zi)
+            # a ray that begins inside, under a rare peak, goes back first
+            step = torch.lerp(step, 2 * d - 4 * shortest, ((d < 0) & ~begun).to(d.dtype))
+            on = going.to(d.dtype)
+            hi, di_high = torch.lerp(hi, zi, on), torch.lerp(di_high, d, on * (d >= 0))
+            zi = torch.addcmul(zi, step, on, value=-1)
         z, high, low = z.scatter(1, i, zi), high.scatter(1, i, hi), low.scatter(1, i, lo)
         d_high, d_low = d_high.scatter(1, i, di_high), d_low.scatter(1, i, di_low)
-        active = torch.zeros_like(active).scatter(1, i, going)
-    hit = low > -REACH  # False for NaN
-    i = _indices(hit)
+        active, hit = torch.zeros_like(active).scatter(1, i, going), hit.scatter(1, i, found)
+    i = indices(hit)
     root = _false_position(f, *(v.gather(1, i) for v in (x, y, high, low, d_high, d_low)))
-    return torch.zeros_like(x).scatter(1, i, root).where(hit, 0.0), hit
-
-
-def _indices(chosen: Bool[Tensor, "b p"]) -> Tensor:
-    """Indices of the chosen ones in each row, filled up with others where a row has fewer: (b, most of any row)."""
-    if chosen.shape[0] == 1:
-        i = chosen.nonzero()[:, 1][None]
-        return i if i.numel() else i.new_zeros(1, 1)
-    count = max(1, int(chosen.sum(1).max()))
-    return chosen.to(torch.int8).argsort(dim=1, descending=True, stable=True)[:, :count]
+    return torch.zeros_like(x).scatter(1, i, root) * hit, hit
 
 
 def _false_position(f: Field, x: Tensor, y: Tensor, hi: Tensor, lo: Tensor, d_hi: Tensor, d_lo: Tensor) -> Tensor:
     """Illinois variant of regula falsi between `hi` (outside) and `lo` (inside); the bracket is never lost."""
-    hi, lo = torch.nan_to_num(hi), torch.nan_to_num(lo)
     z = lo
     for _ in range(3):
         t = (d_hi / (d_hi - d_lo).clamp(min=1e-9)).clamp(0.02, 0.98)
         z = hi + t * (lo - hi)
         d = f(torch.stack([x, y, z], 1))
-        inside = d < 0
-        hi, lo = torch.where(inside, hi, z), torch.where(inside, z, lo)
-        d_hi, d_lo = torch.where(inside, d_hi * 0.5, d), torch.where(inside, d, d_lo * 0.5)
+        inside = (d < 0).to(d.dtype)
+        hi, lo = torch.lerp(z, hi, inside), torch.lerp(lo, z, inside)
+        d_hi, d_lo = torch.lerp(d, d_hi * 0.5, inside), torch.lerp(d_lo * 0.5, d, inside)
     return z

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from photonormal.synth.materials import PALETTE, SEEDS, Coats, draw_coats
 from photonormal.synth.params import rng, tensor
-from photonormal.synth.shapes import smooth_max
+from photonormal.synth.shapes import Field, smooth_max
 
 # centre and semi-axes of ellipsoids, y up, z out of the face
 FACE = [
@@ -60,6 +60,14 @@ class Bust:
         return self.reach
 
     def trimmed(self) -> Bust:
+        return self
+
+    def base_field(self) -> Field:
+        """Distance without the displacement."""
+        return self.base
+
+    def field(self) -> Field:
+        """About the signed distance to the surface."""
         return self
 
     def base(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:

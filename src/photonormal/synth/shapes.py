@@ -6,6 +6,7 @@ half spaces, twisted, and displaced by noise, ridges, carved lines, pits, folds 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import torch
@@ -13,6 +14,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.synth.waves import Waves
+
+Field = Callable[[Tensor], Tensor]  # points (b, 3, p) -> a number for each
 
 FAR = 9.0  # distance at which an unused part is kept out of the way
 
@@ -26,23 +29,28 @@ class Ellipsoids:
     e: Float[Tensor, "b k"]
     on: Bool[Tensor, "b k"]
 
-    def distances(self, p: Float[Tensor, "b 3 p"], box: bool) -> Float[Tensor, "b k p"]:
-        """(r - 1) times the shortest semi-axis, which never overestimates the distance outside."""
+    def field(self) -> Field:
+        """Distances (b, k, p): (r - 1) times the shortest semi-axis, which never overestimates outside."""
         b, k = self.on.shape
         M = self.M.transpose(1, 2).reshape(b, 3 * k, 3)  # the first rows of all parts, then the second, the third
-        shift = (self.M @ self.c[..., None])[..., 0].transpose(1, 2).reshape(b, 3 * k, 1)
-        s = torch.baddbmm(-shift, M, p).square().view(b, 3, k, -1)  # (b, 3, k, p)
-        e = self.e[..., None]
-        if box:
-            s = torch.where(e[:, None] > 2, s.square(), s)
-            s = torch.where(e[:, None] > 4, s.square(), s)
-        r = (s[:, 0] + s[:, 1] + s[:, 2] + 1e-12).sqrt()  # (b, k, p)
-        if box:
-            r = torch.where(e > 2, r.sqrt(), r)
-            r = torch.where(e > 4, r.sqrt(), r)
+        shift = -(self.M @ self.c[..., None])[..., 0].transpose(1, 2).reshape(b, 3 * k, 1)
         shortest = 1 / self.M.norm(dim=-1).amax(-1)[..., None]  # (b, k, 1)
-        d = (r - 1) * shortest
-        return d if bool(self.on.all()) else torch.where(self.on[..., None], d, FAR)
+        centre = FAR * (~self.on)[..., None] - shortest
+        square, fourth = self.e[..., None] > 2, self.e[..., None] > 4
+        boxes = bool((square & self.on[..., None]).any())
+
+        def distances(p: Tensor) -> Tensor:
+            s = torch.baddbmm(shift, M, p).square().view(b, 3, k, -1)  # (b, 3, k, p)
+            if boxes:
+                s = torch.where(square[:, None], s.square(), s)
+                s = torch.where(fourth[:, None], s.square(), s)
+            r = (s[:, 0] + s[:, 1] + s[:, 2] + 1e-12).sqrt()  # (b, k, p)
+            if boxes:
+                r = torch.where(square, r.sqrt(), r)
+                r = torch.where(fourth, r.sqrt(), r)
+            return torch.addcmul(centre, r, shortest)
+
+        return distances
 
 
 @dataclass(frozen=True)
@@ -60,20 +68,28 @@ class Lathe:
     wall: Float[Tensor, " b"]  # thickness of a hollow one; solid where 0
     on: Bool[Tensor, " b"]
 
-    def distance(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
-        x, y, z = (self.R @ p).unbind(1)  # (b, p)
-        profile = self.radius[:, None] + (
-            self.a[..., None] * torch.sin(self.f[..., None] * y[:, None] + self.phase[..., None])
-        ).sum(1)
-        flutes = 1 + self.flute_depth[:, None] * torch.cos(self.flutes[:, None] * torch.atan2(z, x + 1e-9))
-        profile = profile.clamp(min=0.12) * flutes
-        steep = 1 / (1 + (self.a * self.f).square().sum(-1, keepdim=True) / 2).sqrt()
-        r = (x * x + z * z + 1e-12).sqrt()
-        H = self.height[:, None]
-        d = smooth_max((r - profile) * steep, y.abs() - H, 0.015)
-        wall = self.wall[:, None]
-        inside = torch.maximum((r - profile + wall) * steep, wall - H - y)
-        return torch.where(wall > 0, smooth_max(d, -inside, 0.01), d)
+    def field(self) -> Field:
+        """Distance (b, p); far where there is no lathe shape."""
+        steep = 1 / (1 + (self.a * self.f).square().sum(-1, keepdim=True) / 2).sqrt()  # (b, 1)
+        off, H, wall = FAR * (~self.on)[:, None], self.height[:, None], self.wall[:, None]
+        fluted = bool((self.flute_depth * self.on).any())
+        hollow = wall > 0
+
+        def distance(p: Tensor) -> Tensor:
+            x, y, z = (self.R @ p).unbind(1)  # (b, p)
+            waves = torch.sin(torch.addcmul(self.phase[..., None], self.f[..., None], y[:, None]))
+            profile = (self.radius[:, None] + (self.a[:, None] @ waves)[:, 0]).clamp(min=0.12)
+            if fluted:
+                angle = torch.atan2(z, x + 1e-9)
+                profile = profile * (1 + self.flute_depth[:, None] * torch.cos(self.flutes[:, None] * angle))
+            r = (x * x + z * z + 1e-12).sqrt()
+            d = smooth_max((r - profile) * steep, y.abs() - H, 0.015)
+            if bool(hollow.any()):
+                inside = torch.maximum((r - profile + wall) * steep, wall - H - y)
+                d = torch.where(hollow, smooth_max(d, -inside, 0.01), d)
+            return d + off
+
+        return distance
 
 
 @dataclass(frozen=True)
@@ -93,41 +109,48 @@ class Detail:
     fold_cusp: Float[Tensor, " b"]  # 0: sine; 1: cusped
     patch: Float[Tensor, " b"]  # 0: everywhere; 1: only where the coarse field is positive
 
-    def __call__(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
-        def per(x: Tensor) -> Tensor:
-            return x[:, None]
+    def field(self) -> Field | None:
+        """Displacement outwards (b, p), or None where there is none at all."""
+        noise, ridge, carve, pit, fold, patch = (
+            bool(x.any()) for x in (self.noise, self.ridge, self.carve, self.pit, self.fold, self.patch)
+        )
+        if not (noise or ridge or carve or pit or fold):
+            return None
+        low, mid, high = (x[:, None] for x in self.noise.unbind(-1))  # (b, 1)
+        needs_middle, needs_fine = bool(mid.any()) or ridge or pit, bool(high.any())
+        needs_coarse = bool(low.any()) or fold or patch or carve
+        cusped, wide = self.fold_cusp[:, None], self.carve_width[:, None]
 
-        relief = p.new_zeros(len(p), p.shape[2])
-        if self.noise[:, 1].any() or self.ridge.any() or self.pit.any():
-            g2 = self.middle(p)[:, 0]  # (b, p)
-            relief = per(self.noise[:, 1]) * g2
-            if self.ridge.any():
-                relief = relief + per(self.ridge) * (0.8 - (g2 * g2 + 1e-4).sqrt())
-            if self.pit.any():
-                relief = relief - per(self.pit) * torch.sigmoid((g2 - 1.1) * 8)
-        if self.noise[:, 2].any():
-            relief = relief + per(self.noise[:, 2]) * self.fine(p)[:, 0]
-        if not (self.noise[:, 0].any() or self.fold.any() or self.patch.any() or self.carve.any()):
-            return relief
-        g1 = self.coarse(p)[:, 0]
-        if self.fold.any():
-            phase = (self.fold_w @ p)[:, 0] + 1.5 * g1
-            cusp = 1 - 2 * (torch.sin(phase / 2).square() + 1e-4).sqrt()
-            relief = relief + per(self.fold) * (per(self.fold_cusp) * cusp + per(1 - self.fold_cusp) * torch.sin(phase))
-        if self.patch.any():
-            relief = relief * (1 - per(self.patch) * torch.sigmoid(-6 * g1))
-        if self.carve.any():
-            relief = relief - per(self.carve) * torch.exp(-(g1 / per(self.carve_width)).square())
-        return relief + per(self.noise[:, 0]) * g1
+        def relief(p: Tensor) -> Tensor:
+            out = torch.zeros_like(p[:, 0])
+            if needs_middle:
+                g = self.middle(p)[:, 0]  # (b, p)
+                out = mid * g
+                if ridge:
+                    out = out + self.ridge[:, None] * (0.8 - (g * g + 1e-4).sqrt())
+                if pit:
+                    out = out - self.pit[:, None] * torch.sigmoid((g - 1.1) * 8)
+            if needs_fine:
+                out = torch.addcmul(out, self.fine(p)[:, 0], high)
+            if not needs_coarse:
+                return out
+            g = self.coarse(p)[:, 0]
+            if fold:
+                phase = (self.fold_w @ p)[:, 0] + 1.5 * g
+                cusp = 1 - 2 * (torch.sin(phase / 2).square() + 1e-4).sqrt()
+                out = out + self.fold[:, None] * torch.lerp(torch.sin(phase), cusp, cusped)
+            if patch:
+                out = out * (1 - self.patch[:, None] * torch.sigmoid(-6 * g))
+            if carve:
+                out = out - self.carve[:, None] * torch.exp(-(g / wide).square())
+            return torch.addcmul(out, g, low)
+
+        return relief
 
     def bound(self) -> Float[Tensor, " b"]:
         """About the largest displacement outwards."""
         ridge = 0.8 * self.ridge.clamp(min=0) - 1.8 * self.ridge.clamp(max=0)
         return 3.2 * self.noise.norm(dim=-1) + ridge + self.fold
-
-    def any(self) -> bool:
-        """Whether there is anything to add."""
-        return bool((self.bound() + self.pit + self.carve).any())
 
 
 @dataclass(frozen=True)
@@ -155,38 +178,48 @@ class Solids:
         values = {f.name: getattr(self, f.name) for f in fields(self)}
         return Solids(**{**values, "parts": used(self.parts), "holes": used(self.holes)})
 
-    def base(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
+    def base_field(self) -> Field:
         """Distance without the displacement."""
-        if self.twist.any():
-            x, y, z = p.unbind(1)
-            angle = self.twist[:, None] * y
-            c, s = angle.cos(), angle.sin()
-            p = torch.stack([c * x + s * z, y, c * z - s * x], 1)
-        d = self.parts.distances(p, bool((self.parts.e > 2).any()))  # (b, k, p)
-        if self.lathe.on.any():
-            lathe = self.lathe.distance(p)
-            lathe = lathe if bool(self.lathe.on.all()) else torch.where(self.lathe.on[:, None], lathe, FAR)
-            d = torch.cat([d, lathe[:, None]], 1)
-        if (self.wall_o > -FAR).any():
-            d = torch.cat([d, torch.baddbmm(-self.wall_o[:, None, None], self.wall_n[:, None], p)], 1)
-        k = self.blend[:, None]
-        if d.shape[1] > 1:
-            nearest = d.amin(1)
-            d = nearest - k * torch.exp((nearest[:, None] - d) / k[:, None]).sum(1).log()  # smooth minimum
-        else:
-            d = d[:, 0]
-        if self.holes.on.any():
-            hole = self.holes.distances(p, False).amin(1)
-            d = smooth_max(d, -hole, k)
-        if (self.cut_o < FAR).any():
-            cut = torch.baddbmm(-self.cut_o[..., None], self.cut_n, p).amax(1)
-            d = smooth_max(d, cut, 0.008)
-        return d
+        s = self.trimmed()
+        parts, k = s.parts.field(), s.blend[:, None]
+        lathe = s.lathe.field() if bool(s.lathe.on.any()) else None
+        wall = bool((s.wall_o > -FAR).any())
+        holes = s.holes.field() if bool(s.holes.on.any()) else None
+        cut, twist = bool((s.cut_o < FAR).any()), bool(s.twist.any())
+        wall_o, wall_n, cut_o = -s.wall_o[:, None, None], s.wall_n[:, None], -s.cut_o[..., None]
+
+        def base(p: Tensor) -> Tensor:
+            if twist:
+                x, y, z = p.unbind(1)
+                angle = s.twist[:, None] * y
+                c, v = angle.cos(), angle.sin()
+                p = torch.stack([c * x + v * z, y, c * z - v * x], 1)
+            d = parts(p)  # (b, k, p)
+            if lathe is not None:
+                d = torch.cat([d, lathe(p)[:, None]], 1)
+            if wall:
+                d = torch.cat([d, torch.baddbmm(wall_o, wall_n, p)], 1)
+            if d.shape[1] > 1:
+                nearest = d.amin(1)
+                d = nearest - k * torch.exp((nearest[:, None] - d) / k[:, None]).sum(1).log()  # smooth minimum
+            else:
+                d = d[:, 0]
+            if holes is not None:
+                d = smooth_max(d, -holes(p).amin(1), k)
+            if cut:
+                d = smooth_max(d, torch.baddbmm(cut_o, s.cut_n, p).amax(1), 0.008)
+            return d
+
+        return base
+
+    def field(self) -> Field:
+        """About the signed distance to the displaced surface, ready to be asked many times."""
+        base, detail = self.base_field(), self.detail.field()
+        return base if detail is None else lambda p: base(p) - detail(p)
 
     def __call__(self, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b p"]:
-        """About the signed distance to the displaced surface."""
-        d = self.base(p)
-        return d - self.detail(p) if self.detail.any() else d
+        """The field at points."""
+        return self.field()(p)
 
 
 def smooth_max(a: Tensor, b: Tensor, k: Tensor | float) -> Tensor:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import torch
@@ -12,10 +11,9 @@ from torch import Tensor
 from photonormal.synth.bust import Bust
 from photonormal.synth.meshes import MeshViews
 from photonormal.synth.params import indices
-from photonormal.synth.shapes import Solids
+from photonormal.synth.shapes import Field, Solids
 
 Solid = Solids | Bust | MeshViews
-Field = Callable[[Tensor], Tensor]  # (b, 3, p) -> (b, p)
 
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
 WIDE, CELLS = 1.7, 24  # half width and resolution of the survey that finds where a solid is
@@ -59,11 +57,10 @@ def survey(solids: Solid, b: int, device: torch.device) -> tuple[View, Float[Ten
     view = View(torch.zeros(b, 2, device=device), torch.full((b,), WIDE, device=device), CELLS)
     if isinstance(solids, MeshViews):
         return view, solids.surface(view.centre, view.half, CELLS)[0][:, 0].flatten(1)
-    solids = solids.trimmed()
     x, y = view.rays(CELLS)
     px = view.pixel[:, None]
     return view, _approach(
-        solids.base, x, y, 0.71 * px + solids.detail.bound()[:, None], 0.7 * px, torch.full_like(x, REACH)
+        solids.base_field(), x, y, 0.71 * px + solids.detail.bound()[:, None], 0.7 * px, torch.full_like(x, REACH)
     )
 
 
@@ -71,12 +68,11 @@ def approach(solids: Solid, view: View, start: Float[Tensor, "b c"]) -> Float[Te
     """Depth at which each pixel's ray may begin, from a survey's answer: blocks of pixels share their way there."""
     if isinstance(solids, MeshViews):
         return start.new_zeros(len(start), 1)
-    solids = solids.trimmed()
     s, px = view.size, view.pixel[:, None]
     x, y = view.rays(s // COARSE)
     width = px * COARSE * 0.71  # (b, 1) half diagonal of a block
     z = _surveyed(start, x, y, width)
-    z = _approach(solids.base, x, y, width + solids.detail.bound()[:, None], width, z)  # (b, blocks)
+    z = _approach(solids.base_field(), x, y, width + solids.detail.bound()[:, None], width, z)  # (b, blocks)
     z = z.view(-1, s // COARSE, s // COARSE)
     return z.repeat_interleave(COARSE, 1).repeat_interleave(COARSE, 2).flatten(1)
 
@@ -89,11 +85,11 @@ def visible_surface(solids: Solid, view: View, start: Float[Tensor, "b p"]) -> G
         mask = (maps[:, 0] > -torch.inf) & (maps[:, 3] > 0.01)
         height = torch.where(mask, maps[:, 0] / px[..., None], 0.0)
         return Geometry(height, maps[:, 1:] * mask[:, None], mask, points)
-    solids = solids.trimmed()
+    field = solids.field()
     x, y = view.rays(s)
-    z, hit = _cross(solids, x, y, start, 0.4 * px)
+    z, hit = _cross(field, x, y, start, 0.4 * px)
     p = torch.stack([x, y, z], 1)  # (b, 3, p)
-    n = gradient(solids, p)
+    n = gradient(field, p)
     n = n / n.norm(dim=1, keepdim=True).clamp(min=1e-12)
     mask = hit & (n[:, 2] > 0.01)
 

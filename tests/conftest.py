@@ -6,6 +6,14 @@ from pathlib import Path
 import pytest
 
 
+@pytest.fixture(autouse=True)
+def float32(monkeypatch):
+    """No bf16 inside networks, whatever the machine is fast with: what is exact is exact to float32's rounding."""
+    from photonormal.solve.learned import processor
+
+    monkeypatch.setattr(processor, "bf16_pays", lambda device_type: False)
+
+
 @pytest.fixture(scope="session")
 def data() -> Path:
     """Folder with real captures and ground truth (PHOTONORMAL_DATA, or ../shared/data beside the checkout)."""

@@ -20,7 +20,7 @@ from photonormal.export.folder import REPORT, whole_folder
 from photonormal.geometry import in_frame
 from photonormal.integrate import integrate
 from photonormal.progress import progress
-from photonormal.score import error_picture, score
+from photonormal.score import colours, error_picture, score
 from photonormal.solve import DEFAULT, configure
 from photonormal.types import Capture, Normals, cores
 
@@ -125,6 +125,8 @@ def measure(
             "weights_sha256": getattr(solver, "weights_sha256", None),
             "warnings": warnings,
         }
+        if normals.expected_error_deg is not None:
+            report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
         if photographs.truth is not None:
             report["score"] = score(normals, photographs.truth).as_dict()
         (folder / REPORT).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
@@ -186,6 +188,8 @@ def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray
         (folder / "preview.png").write_bytes(encode_png(preview(photograph, normals, albedo / white, error)))
         if error is not None:
             (folder / "error.png").write_bytes(encode_png(error))
+        if normals.expected_error_deg is not None:
+            (folder / "expected-error.png").write_bytes(encode_png(colours(normals.expected_error_deg)))
 
     jobs = [
         pictures,

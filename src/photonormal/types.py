@@ -119,10 +119,13 @@ class Normals:
     ----------
     map : (h, w, 3) float32, unit inside `mask`, zero outside
     mask : (h, w) bool, True where there is a normal; pixels that no light reached are not in it
+    expected_error_deg : (h, w) float32, how far each normal is expected to be off, in degrees; NaN outside `mask`. None
+        where the method does not tell
     """
 
     map: np.ndarray
     mask: np.ndarray
+    expected_error_deg: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         if self.map.shape != (*self.mask.shape, 3) or self.mask.dtype != bool:
@@ -137,6 +140,12 @@ class Normals:
                 "normalise them or leave those pixels out of the mask."
             )
         object.__setattr__(self, "map", np.where(self.mask[..., None], self.map, 0).astype(np.float32))
+        expected = self.expected_error_deg
+        if expected is not None:
+            if expected.shape != self.mask.shape:
+                raise InputError(f"expected errors are {expected.shape} but normals {self.map.shape}; give one each.")
+            kept = np.where(self.mask, expected, np.nan).astype(np.float32)
+            object.__setattr__(self, "expected_error_deg", kept)
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,7 @@ def test_a_method_that_fails_is_named_and_the_others_go_on(root, tmp_path, run, 
 
 
 def test_absent_weights_are_named_and_the_others_go_on(root, tmp_path, run, monkeypatch):
-    monkeypatch.setitem(METHODS, "psfcn", "photonormal.solve.learned.methods:PSFCN")
+    monkeypatch.setitem(METHODS, "psfcn", "photonormal.solve.learned.psfcn:PSFCN")
     methods = f"woodham,psfcn:weights={tmp_path / 'no.safetensors'}"
     code, out, err = run("bench", "diligent", root, "--methods", methods, "--out", tmp_path / "runs")
     assert code == 1 and "4 predictions stored" in out and "no.safetensors" in err

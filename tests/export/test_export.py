@@ -22,6 +22,16 @@ def test_export_then_load_is_the_identity(tmp_path, suffix, tolerance_deg):
     assert angle_deg(back.map[back.mask], truth.map[truth.mask]).max() <= tolerance_deg
 
 
+def test_expected_errors_are_kept_in_npz(tmp_path):
+    truth = sphere()
+    told = pn.Normals(truth.map, truth.mask, np.full(truth.mask.shape, 3.5))
+    back = load_normals(pn.save(told, tmp_path / "normals.npz", frame="directx"), frame="directx")
+    assert (back.expected_error_deg[truth.mask] == 3.5).all() and np.isnan(back.expected_error_deg[~truth.mask]).all()
+    assert load_normals(pn.save(truth, tmp_path / "plain.npz")).expected_error_deg is None
+    with pytest.raises(InputError, match="expected errors are"):
+        pn.Normals(truth.map, truth.mask, np.zeros((2, 2)))
+
+
 def test_png_is_16_bit_with_green_up():
     import cv2
 

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
+from photonormal.solve.classical.woodham import Woodham
 from photonormal.solve.learned import measure as module
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.measure import measure
@@ -76,7 +78,6 @@ def test_tiles_in_several_passes_agree_with_one(monkeypatch):
 @pytest.mark.parametrize("kind", KINDS)
 def test_streaming_is_the_batch(kind):
     """Measuring image by image gives what the network gives for all of them at once, as in training."""
-    from photonormal.solve.classical.woodham import Woodham
     from photonormal.solve.learned.network import grey, moment, scaled
 
     capture, _ = sphere(n=6, size=64, margin=(0, 0))
@@ -122,10 +123,27 @@ def test_any_classical_method_can_be_the_prior():
     streamed = measure(net, capture, CPU)
     box = module.Box.of(capture, net.stride)
     L = torch.from_numpy(capture.lights).float()
-    by_blocks = module.by_blocks("woodham", capture, box, L)
+    by_blocks = module.by_blocks(Woodham(), capture, box, L)
     look = module.first_look(net, capture, box, L, "woodham")
     torch.testing.assert_close(by_blocks * box.mask, look.prior, atol=1e-5, rtol=0)
     assert apart_deg(streamed, measure(net, capture, CPU, prior="")) > 0.1
+    net = network("normalnet")
+    torch.nn.init.zeros_(net.correction.weight)  # returns its prior
+    assert (
+        apart_deg(measure(net, capture, CPU, prior="ransac"), pn.solve(capture, "ransac")) < 1.5
+    )  # at the rim it is held back
+
+
+def test_expected_errors_come_with_the_normals():
+    capture, _ = sphere()
+    torch.manual_seed(0)
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, expected=True))
+    whole, tiled, turned = (measure(net, capture, CPU, **how) for how in ({}, {"tile": 40}, {"rotations": 4}))
+    expected = whole.expected_error_deg
+    assert expected is not None and (np.isfinite(expected) == whole.mask).all()
+    assert np.allclose(expected[whole.mask], tiled.expected_error_deg[whole.mask], rtol=0.01)
+    assert (turned.expected_error_deg[whole.mask] > 0).all()
+    assert measure(network("psfcn"), capture, CPU).expected_error_deg is None
 
 
 def test_pixels_that_no_light_reached_have_no_normal():
@@ -144,3 +162,14 @@ def test_frames_come_in_portions_and_in_order():
     assert [j for j, _ in parts] == [0, 3, 6]
     assert [p.shape[1] for _, p in parts] == [3, 3, 1]
     torch.testing.assert_close(parts[1][1][:, 1], box.crop(capture.images[4])[:, 0])
+
+
+def test_a_second_pass_starts_from_what_the_first_one_found():
+    capture, _ = sphere()
+    net = network("normalnet")
+    once, twice = measure(net, capture, CPU), measure(net, capture, CPU, passes=2)
+    assert apart_deg(once, twice) > 0.1
+    torch.nn.init.zeros_(net.correction.weight)  # no correction: the prior stays what it is, however often
+    assert apart_deg(measure(net, capture, CPU), measure(net, capture, CPU, passes=3)) < 0.01
+    with pytest.raises(InputError, match="0 passes came"):
+        measure(net, capture, CPU, passes=0)

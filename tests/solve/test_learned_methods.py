@@ -3,10 +3,9 @@
 import pytest
 import torch
 
-from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
-from photonormal.solve.learned.methods import PSFCN, LambertianPrior, NormalNetMethod, PSFCNNormalised
-from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig
-from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
+from photonormal.solve.learned.lambertian_prior import LambertianPrior, LambertianPriorConfig, LambertianPriorNet
+from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig, NormalNetMethod
+from photonormal.solve.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
 from photonormal.solve.learned.weights import checksum, save
 from photonormal.types import InputError
 from tests.scenes import lambertian, ring, sphere

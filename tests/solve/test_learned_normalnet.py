@@ -35,6 +35,20 @@ def test_untrained_it_returns_its_prior():
     assert ((N * prior).sum(1)[seen] > 0.99).all()
 
 
+def test_it_tells_how_far_it_is_off_and_learning_that_moves_no_normal():
+    images, lights, prior = pixels()
+    torch.manual_seed(0)
+    plain = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, expected=True))
+    net.load_state_dict(net.state_dict() | plain.state_dict())
+    found = net(images, lights, prior)
+    assert found.shape[1] == 4 and (found[:, 3] > 0).all() and (found[:, 3] < 91).all()
+    torch.testing.assert_close(found[:, :3], plain(images, lights, prior))
+    found[:, 3].sum().backward()
+    learns = {k.split(".")[0] for k, p in net.named_parameters() if p.grad is not None and p.grad.abs().sum() > 0}
+    assert learns == {"doubt"}
+
+
 def test_without_a_prior_a_pixel_faces_the_camera():
     images, lights, prior = pixels()
     N = NormalNet()(images, lights, 0 * prior)

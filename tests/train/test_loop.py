@@ -1,5 +1,6 @@
 """Training: it learns, it resumes as if it had never stopped, and two processes are one with the double batch."""
 
+import itertools
 import json
 import os
 import signal
@@ -8,12 +9,15 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import torch
 
 from photonormal.solve.learned.weights import load
 from photonormal.train import checkpoint, loop, validate
+from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
 from photonormal.types import InputError
 from tests.train.toy import Toy
@@ -75,6 +79,62 @@ def test_resumed_training_gives_the_same_numbers(tmp_path):
     assert [e["mean_deg"] for e in a] == [e["mean_deg"] for e in b]
 
 
+@pytest.mark.parametrize("changes", [{"loss": "chord"}, {"again": 1.0}], ids=str)
+def test_other_ways_of_learning_are_better_than_the_prior_too(tmp_path, changes):
+    recipe = Recipe(
+        network="normalnet", config={"hidden": 16, "features": 16, "width": 16}, images=(6, 6), batch=8, steps=150,
+        warmup=10, lr=5e-3, schedule="cosine", clip=1.0, validate=1000, **changes,
+    )  # fmt: skip
+    run(tmp_path, recipe)
+    found = journal(tmp_path)[-1]
+    assert found["mean_deg"] < 0.9 * found["prior_deg"], found
+
+
+def test_a_chord_is_the_angle_where_it_is_small():
+    class Fabric:
+        all_reduce = staticmethod(lambda x, reduce_op: x)
+
+    angle = torch.deg2rad(torch.tensor([0.0, 10.0, 60.0]))
+    N = torch.stack([angle.sin(), 0 * angle, angle.cos()])[None, :, None]  # (1, 3, 1, 3)
+    truth = torch.tensor([0.0, 0, 1])[None, :, None, None].expand_as(N)
+    for i, deg in enumerate([0.0, 10.0, 60.0]):
+        mask = torch.zeros(1, 1, 1, 3, dtype=torch.bool)
+        mask[..., i] = True
+        seen = Observed(N, N, N, truth, mask)
+        found = float(loop.error(lambda images, lights, prior: images, seen, "chord", Fabric))
+        chord = 2 * np.sin(np.radians(deg) / 2)
+        assert found == pytest.approx(np.hypot(chord, loop.CLOSE) - loop.CLOSE, abs=1e-4)
+
+
+def test_expected_errors_are_learned_on_top_and_are_right_on_average(tmp_path):
+    config = {"hidden": 16, "features": 16, "width": 16}
+    recipe = Recipe(network="normalnet", config=config, images=(6, 6), batch=8, steps=150, lr=5e-3, validate=1000)
+    first = run(tmp_path / "first", recipe)
+    told = replace(recipe, config=config | {"expected": True}, learn="doubt", lr=1e-2, steps=200)
+    net, plain = load(run(tmp_path / "second", told, start_from=first)), load(first)
+    batch = next(iter(Toy("", 16, "cpu", 99, lights=(6, 6))))
+    seen = observe(batch, recipe, net.scaling, 0, vary=False)
+    with torch.no_grad():
+        found = net(seen.images, seen.lights, seen.prior)
+        torch.testing.assert_close(found[:, :3], plain(seen.images, seen.lights, seen.prior))
+    true = validate.errors_deg(found[:, :3], seen.normals, seen.mask)
+    expected = found[:, 3][seen.mask[:, 0]]
+    assert float(expected.mean()) == pytest.approx(float(true.mean()), rel=0.25)
+    doubtful = expected > expected.median()
+    assert true[doubtful].mean() > 1.1 * true[~doubtful].mean()
+
+
+def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
+    first = run(tmp_path / "first", replace(TINY, steps=6))
+    begun = run(tmp_path / "second", replace(TINY, lr=0.0, ema=0.0, seed=1), start_from=first)
+    a, b = load(first), load(begun)
+    for x, y in zip(a.parameters(), b.parameters(), strict=True):
+        torch.testing.assert_close(x, y, atol=0, rtol=0)
+    assert str(first) in begun.with_suffix(".md").read_text()
+    with pytest.raises(InputError, match="but the recipe has"):
+        run(tmp_path / "third", replace(TINY, config={"width": 16}), start_from=first)
+
+
 def run_steps(out, steps):
     """Train until the checkpoint after `steps`, then stop without warning."""
 
@@ -131,7 +191,9 @@ def same_but_for_the_schedule(a, b):
         torch.testing.assert_close(a["network"][k], b["network"][k], atol=0.02, rtol=0.1)
 
 
-def test_minutes_end_a_training_annealed(tmp_path):
+def test_minutes_end_a_training_annealed(tmp_path, monkeypatch):
+    ticks = itertools.count()
+    monkeypatch.setattr(loop, "time", SimpleNamespace(monotonic=lambda: next(ticks) / 50))  # a clock of its own
     run(tmp_path, replace(TINY, steps=10**7, warmup=0), minutes=0.05)
     rates = [e["lr"] for e in journal(tmp_path) if e["kind"] == "train"]
     state = torch.load(tmp_path / checkpoint.NAME, weights_only=True)
@@ -160,7 +222,7 @@ def test_the_card_says_what_the_weights_are(tmp_path):
         "| seed | 0 |",
         "| steps | 2 of 4 samples |",
         "MIT",
-        "photonormal train mine",
+        "--name mine",
         "mean_deg",
     ):
         assert fact in text
@@ -178,6 +240,7 @@ from photonormal.train.recipes import Recipe
 from tests.train.toy import Batch, Toy
 
 out, world = sys.argv[1], int(sys.argv[2])
+loop.bf16_pays = lambda kind: False
 fabric = loop.launched("cpu")
 assert fabric.world_size == world
 torch.manual_seed(0)
@@ -187,7 +250,8 @@ images, lights, normals, mask = next(iter(Toy("", 4, "cpu", 3)))
 mask[:2, :, :9] = False  # the halves have different numbers of pixels
 mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // world)
 batch = Batch(*(x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)))
-loss = loop.cosine_loss(model, observe(batch, Recipe(images=(5, 5)), net.scaling, 0, vary=False), fabric)
+seen = observe(batch, Recipe(images=(5, 5)), net.scaling, 0, vary=False)
+loss = loop.error(model, seen, "cosine", fabric)
 fabric.backward(loss)
 if fabric.global_rank == 0:
     torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")

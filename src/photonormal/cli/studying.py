@@ -212,6 +212,12 @@ class Train:
     """Go on from the checkpoint in OUT."""
     device: str = "auto"
     """auto, cpu or cuda; several by torchrun."""
+    seed: int = 0
+    """Of the weights and of the scenes: another seed never sees the same ones."""
+    start_from: Path | None = None
+    """Weights file to begin with, in place of random weights."""
+    name: str = ""
+    """Of the weights file; by default the recipe's."""
 
     def __call__(self) -> int:
         import logging
@@ -227,6 +233,9 @@ class Train:
                 steps=self.steps,
                 resume=self.resume,
                 device=self.device,
+                seed=self.seed,
+                start_from=self.start_from,
+                name=self.name,
             )
         )
         return 0

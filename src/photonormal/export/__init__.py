@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,7 +42,7 @@ def save(
     if suffix not in endings:
         raise InputError(f"{path} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
     if isinstance(result, Normals):
-        write(path, normal_maps.WRITERS[suffix](Normals(in_frame(result.map, frame), result.mask)))
+        write(path, normal_maps.WRITERS[suffix](replace(result, map=in_frame(result.map, frame))))
     else:
         write(path, mesh.encode(result, suffix, normals, albedo))
     return path
@@ -54,4 +55,4 @@ def load_normals(path: str | Path, frame: str = "opengl") -> Normals:
     from photonormal.export import normal_maps
 
     found = normal_maps.read(Path(path))
-    return Normals(in_frame(found.map, frame), found.mask)
+    return replace(found, map=in_frame(found.map, frame))

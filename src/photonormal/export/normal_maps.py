@@ -39,9 +39,12 @@ def exr(normals: Normals) -> bytes:
 
 
 def npz(normals: Normals) -> bytes:
-    """`normals` float32 (h, w, 3) and `mask` bool (h, w)."""
+    """`normals` float32 (h, w, 3), `mask` bool (h, w) and, where known, `expected_error_deg` float32 (h, w)."""
+    arrays = {"normals": normals.map, "mask": normals.mask}
+    if normals.expected_error_deg is not None:
+        arrays["expected_error_deg"] = normals.expected_error_deg
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, normals=normals.map, mask=normals.mask)
+    np.savez(buffer, allow_pickle=False, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
 
 
@@ -62,7 +65,7 @@ def read(path: Path) -> Normals:
     try:
         if suffix == ".npz":
             with np.load(path, allow_pickle=False) as data:
-                return Normals(data["normals"], data["mask"])
+                return Normals(data["normals"], data["mask"], data.get("expected_error_deg"))
         map = _read_exr(path) if suffix == ".exr" else _read_png(path)
     except InputError:
         raise

@@ -72,9 +72,13 @@ def error_map_deg(estimate: Normals, truth: Normals) -> Float[np.ndarray, "h w"]
 
 def error_picture(estimate: Normals, truth: Normals) -> UInt8[np.ndarray, "h w 3"]:
     """The error map in colours (RGB): dark blue is 0, yellow SCALE_DEG degrees or more, white has no truth."""
+    return colours(error_map_deg(estimate, truth))
+
+
+def colours(error: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Angles in degrees as `error_picture` colours them; white where there is none."""
     import cv2
 
-    error = error_map_deg(estimate, truth)
     level = np.nan_to_num(error / SCALE_DEG).clip(0, 1)
     picture = cv2.applyColorMap((255 * level).round().astype(np.uint8), cv2.COLORMAP_CIVIDIS)[..., ::-1].copy()
     picture[np.isnan(error)] = 255

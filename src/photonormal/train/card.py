@@ -33,6 +33,7 @@ def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None
             f"scenes rendered by `photonormal.synth`, recipe `{trained['recipe']['stream']}`; no photographs",
         ),
         ("command", f"`{trained['command']}`"),
+        ("began with", trained["began_with"]),
         ("seed", trained["recipe"]["seed"]),
         ("steps", f"{trained['steps']:,} of {trained['recipe']['batch']} samples"),
         ("minutes", f"{trained['minutes']:.1f}"),

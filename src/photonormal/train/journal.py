@@ -21,9 +21,9 @@ MEMORY = 0.98  # share of the past in the running loss
 class Journal:
     """The first process's record of a training, in `out`/journal.jsonl and `out`/tensorboard."""
 
-    def __init__(self, out: Path, step: int, steps: int, minutes: float | None) -> None:
+    def __init__(self, out: Path, step: int, steps: int, minutes: float | None, loss: str = "cosine") -> None:
         self.file = out / "journal.jsonl"
-        self.steps, self.minutes = steps, minutes
+        self.steps, self.minutes, self.loss = steps, minutes, loss
         self.last_step, self.last_time = step, time.monotonic()
         self.losses: list[torch.Tensor] = []
         try:
@@ -53,7 +53,8 @@ class Journal:
             return
         now = time.monotonic()
         mean = float(torch.stack(self.losses).mean())
-        degrees = math.degrees(math.acos(max(-1.0, 1 - mean)))
+        angle = math.acos(max(-1.0, 1 - mean)) if self.loss == "cosine" else 2 * math.asin(min(1.0, mean / 2))
+        degrees = math.degrees(angle)
         samples = batch * (step - self.last_step) / max(now - self.last_time, 1e-9)
         entry = {"loss": mean, "loss_angle_deg": degrees, "lr": rate, "samples_per_s": samples, "fraction": fraction}
         self.write(step, "train", entry)

@@ -11,6 +11,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ import torch
 import photonormal
 from photonormal.solve.learned.network import Network, placed
 from photonormal.solve.learned.processor import bf16_pays, keep_freed_memory
-from photonormal.solve.learned.weights import build
+from photonormal.solve.learned.weights import build, checksum, load
 from photonormal.train import checkpoint, recipes
 from photonormal.train.card import device_name, export
 from photonormal.train.journal import Journal
@@ -33,6 +34,8 @@ from photonormal.types import InputError
 log = logging.getLogger(__name__)
 
 CLOCK = 10  # steps between looks at the clock
+CLOSE = 0.02  # chord, about a degree, below which the loss is quadratic
+DOUBT = 0.1  # weight of the loss of expected errors, which moves no normal
 
 
 def train(
@@ -45,6 +48,8 @@ def train(
     save_seconds: float = 60.0,
     stream: Callable[..., Iterable] | None = None,
     name: str = "",
+    seed: int | None = None,
+    start_from: str | Path | None = None,
 ) -> Path:
     """Train the network of a recipe; returns the weights file, `out`/NAME.safetensors, its card beside it.
 
@@ -59,30 +64,41 @@ def train(
     save_seconds : between checkpoints
     stream : in place of `photonormal.synth.Stream`, called with (recipe, batch, device, seed, start_step)
     name : of the weights file; empty: the recipe's name
+    seed : in place of the recipe's
+    start_from : weights file to begin with, in place of random weights
 
     Raises
     ------
     InputError
         If the recipe or the device does not exist, `out` holds another training, or there is nothing to resume.
     """
-    name = name or (recipe if isinstance(recipe, str) else recipe.network)
+    called = recipe if isinstance(recipe, str) else recipe.network
+    name = name or called
     recipe = recipes.recipe(recipe) if isinstance(recipe, str) else recipe
+    recipe = recipe if seed is None else replace(recipe, seed=seed)
     out, steps = Path(out), steps or recipe.steps
     keep_freed_memory()
     fabric = launched(device)
     rank, world = fabric.global_rank, fabric.world_size
     if recipe.batch % world:
         raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
+    begun = load(Path(start_from), recipe.network) if start_from else None
     state = prepared(out, recipe, resume, rank)
     stream = stream or rendered()
 
     torch.manual_seed(recipe.seed)
     net: Network = placed(build(recipe.network, recipe.config), "cpu")
+    if begun is not None:
+        begin(net, begun)
+    for key, p in net.named_parameters():
+        p.requires_grad_(key.startswith(recipe.learn))
     mean = {k: v.clone() for k, v in net.state_dict().items()} if recipe.ema else {}  # running mean of the weights
     if state:
         net.load_state_dict(state["network"])
         mean = state["mean"]
-    optimiser = torch.optim.Adam(net.parameters(), lr=recipe.lr, fused=fabric.device.type == "cuda")
+    optimiser = torch.optim.Adam(
+        [p for p in net.parameters() if p.requires_grad], lr=recipe.lr, fused=fabric.device.type == "cuda"
+    )
     model, optimiser = fabric.setup(net, optimiser)
     if state:
         optimiser.load_state_dict(state["optimiser"])
@@ -93,7 +109,7 @@ def train(
     source = partial(stream, recipe.stream, recipe.batch // world, fabric.device, recipe.seed * 1000 + rank, **lights)
     batches = replayed(source, step, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
-    journal = Journal(out, step, steps, minutes) if rank == 0 else None
+    journal = Journal(out, step, steps, minutes, recipe.loss) if rank == 0 else None
     fabric.barrier()
     start = saved = time.monotonic()
 
@@ -132,7 +148,7 @@ def train(
         for group in optimiser.param_groups:
             group["lr"] = lr
         seen = observe(next(batches), recipe, net.scaling, step, rank)
-        loss = cosine_loss(model, seen, fabric)
+        loss = error(model, seen, recipe.loss, fabric)
         optimiser.zero_grad()
         fabric.backward(loss)
         if recipe.clip:
@@ -156,7 +172,8 @@ def train(
             "errors": validated(),
         }
         told |= {
-            "command": command(name, out, minutes, steps, world),
+            "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name),
+            "began_with": checksum(Path(start_from)) if start_from else "random weights",
             "device": f"{world} x {device_name(fabric.device)}",
         }
         export(out, name, averaged(net, mean), told | version())
@@ -165,12 +182,22 @@ def train(
     return path
 
 
-def cosine_loss(model: Any, seen: Observed, fabric: Any) -> torch.Tensor:
-    """Mean of 1 - cos over the mask's pixels; its mean over the processes is the mean over all their pixels."""
-    N = model(seen.images, seen.lights, seen.prior)  # (b, 3, h, w)
-    error = (1 - (N * seen.normals).sum(1)) * seen.mask[:, 0]  # (b, h, w)
+def error(model: Any, seen: Observed, loss: str, fabric: Any) -> torch.Tensor:
+    """Mean loss over the mask's pixels; its mean over the processes is the mean over all their pixels."""
+    prior = seen.prior
+    if seen.again:
+        with torch.no_grad():
+            prior = model(seen.images, seen.lights, prior)[:, :3] * seen.mask
+    found = model(seen.images, seen.lights, prior)  # (b, 3 or 4, h, w)
+    e = 1 - (found[:, :3] * seen.normals).sum(1)  # (b, h, w)
+    squared = 2 * e.clamp(min=0)  # |n - n'|^2
+    if loss == "chord":
+        e = (squared + CLOSE**2).sqrt() - CLOSE
+    if found.shape[1] > 3:  # least where the expected error is the mean of the true ones, whatever their size
+        true_deg = (2 * torch.asin((squared.detach().sqrt() / 2).clamp(max=1))).rad2deg()
+        e = e + DOUBT * (true_deg / found[:, 3] + found[:, 3].log())
     pixels = fabric.all_reduce(seen.mask.sum().float(), reduce_op="mean")
-    return error.sum() / pixels
+    return (e * seen.mask[:, 0]).sum() / pixels
 
 
 def launched(device: str) -> Any:
@@ -196,6 +223,14 @@ def launched(device: str) -> Any:
     )
     fabric.launch()
     return fabric
+
+
+def begin(net: Network, begun: Network) -> None:
+    """Copy the weights of a trained network into a new one; what the new one has besides stays random."""
+    weights, new = begun.state_dict(), net.state_dict()
+    if any(k not in new or new[k].shape != v.shape for k, v in weights.items()):
+        raise InputError(f"weights to start from are for {begun.config} but the recipe has {net.config}.")
+    net.load_state_dict(new | weights)
 
 
 def prepared(out: Path, recipe: Recipe, resume: bool, rank: int) -> dict[str, Any] | None:
@@ -237,8 +272,18 @@ def version() -> dict[str, str]:
     return {"photonormal": photonormal.__version__, "torch": str(torch.__version__)}
 
 
-def command(name: str, out: Path, minutes: float | None, steps: int, world: int) -> str:
+def command(
+    recipe: str,
+    out: Path,
+    minutes: float | None,
+    steps: int,
+    world: int,
+    seed: int,
+    begun: str | Path | None,
+    name: str,
+) -> str:
     """The command line that trains this again."""
     run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
-    budget = f"--minutes {minutes:g}" if minutes else f"--steps {steps}"
-    return f"{run} train {name} --out {out} {budget}"
+    words = [run, "train", recipe, "--out", str(out), f"--minutes {minutes:g}" if minutes else f"--steps {steps}"]
+    words += [f"--seed {seed}"] * bool(seed) + [f"--start-from {begun}"] * bool(begun)
+    return " ".join(words + [f"--name {name}"] * (name != recipe))

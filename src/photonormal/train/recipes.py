@@ -27,6 +27,10 @@ class Recipe:
     ema : share of the past that the running mean of the weights keeps at each step; 0: none. Where there is one, it is
         what validation measures and the weights file holds
     priors : names of classical methods and their shares of the batches; "truth": the truth tilted by up to 30 degrees
+    again : share of the batches in which the network's own normals, from a pass without gradient, are the prior
+    loss : "cosine" (1 - cos, the paper's) or "chord" (|n - n'|: about the angle itself, so that a few hopeless pixels
+        do not outweigh all others)
+    learn : the part of the network that learns, by the first letters of its parameters' names; "": all
     gain : factors between which the exposure of a sample is drawn
     turns : quarter turns and mirror images of every batch
     seed : of the weights, the stream and all of the above
@@ -49,6 +53,9 @@ class Recipe:
     clip: float = 0.0
     ema: float = 0.0
     priors: tuple[tuple[str, float], ...] = (("woodham", 1.0),)
+    again: float = 0.0
+    loss: str = "cosine"
+    learn: str = ""
     gain: tuple[float, float] = (0.5, 2.0)
     turns: bool = False
     seed: int = 0
@@ -59,6 +66,8 @@ class Recipe:
             raise InputError(f"images {self.images} came but (fewest, most) is needed, at least 1 each.")
         if self.schedule not in ("halving", "cosine"):
             raise InputError(f"no schedule {self.schedule!r}; choose halving or cosine.")
+        if self.loss not in ("cosine", "chord"):
+            raise InputError(f"no loss {self.loss!r}; choose cosine or chord.")
 
     def rate(self, step: int, fraction: float) -> float:
         """Learning rate of a step, when `fraction` of the training, [0, 1), is done."""
@@ -93,6 +102,7 @@ CPU = replace(
     warmup=200,
     clip=1.0,
     ema=0.999,
+    loss="chord",
     turns=True,
     reuse=2,
     ring=64,
@@ -109,6 +119,8 @@ NORMALNET = Recipe(
     clip=1.0,
     ema=0.999,
     priors=(("trimmed", 0.4), ("woodham", 0.3), ("truth", 0.3)),
+    again=0.3,
+    loss="chord",
     turns=True,
 )
 
@@ -135,7 +147,7 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=2, warmup=200, validate=1000),
+    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=2, warmup=200, validate=2000),
 }
 
 

@@ -51,8 +51,8 @@ def on_rendered(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, fl
     for i, batch in enumerate(batches):
         seen = observe(batch, recipe, net.scaling, i, vary=False)
         with inner_precision(seen.images.device):
-            N = net(seen.images, seen.lights, seen.prior)
-        ours.append(errors_deg(N, seen.normals, seen.mask))
+            found = net(seen.images, seen.lights, seen.prior)
+        ours.append(errors_deg(found[:, :3], seen.normals, seen.mask))
         priors.append(errors_deg(seen.prior, seen.normals, seen.mask))
     net.train()
     e = torch.cat(ours)

@@ -1,5 +1,6 @@
-"""The Lambertian-prior network: Ju, Jian, Guo, Wang, Zhou, Dong, "Incorporating Lambertian Priors into Surface Normals
-Measurement", IEEE TIM 2021.
+"""Least-squares normals guide a residual network: Y. Ju, M. Jian, S. Guo, Y. Wang, H. Zhou, J. Dong, IEEE TIM 70, 2021.
+
+"Incorporating Lambertian Priors into Surface Normals Measurement".
 
 The text fixes what enters (prior normal, image, light), two branches of six residual blocks with strides in blocks 3
 and 5, 512 channels at a quarter of the resolution, the maximum over the images, and a regressor of six convolutions and
@@ -17,9 +18,12 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from photonormal.solve.learned.layers import Block, conv, deconv, kaiming, unit
+from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network
 from photonormal.solve.learned.pooling import Pooled, pool
-from photonormal.types import InputError
+from photonormal.solve.learned.weights import load
+from photonormal.types import Capture, InputError, Normals
 
 LADDERS = {3: (1, 1, 1), 5: (2, 2, 1), 6: (2, 2, 2), 7: (2, 2, 3)}  # blocks at full, half and quarter resolution
 
@@ -163,3 +167,20 @@ def per_image(x: Float[Tensor, "b c h w"], k: int) -> Float[Tensor, "bk c h w"]:
 def over_images(x: Float[Tensor, "bk c h w"], k: int) -> Float[Tensor, "b c h w"]:
     """Maximum over the images of each sample, in the order in which channels-last memory runs."""
     return pool(x.permute(0, 2, 3, 1).unflatten(0, (-1, k))).maximum.permute(0, 3, 1, 2)
+
+
+@dataclass(frozen=True)
+class LambertianPrior(Learned):
+    """The paper's network (Ju et al., IEEE TIM 2021): least-squares normals guide a residual network.
+
+    Parameters
+    ----------
+    weights, rotations : see Learned
+    prior : a classical method in place of the one that the weights were learned with; "": that one
+    """
+
+    prior: str = ""
+    name = "lambertian-prior"
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        return measure(load(self.file, self.name), capture, device, self.rotations, prior=self.prior or None)

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -30,7 +31,13 @@ AHEAD = 2**22  # pixels of a frame up to which the next one is decoded while thi
 
 
 def measure(
-    net: Network, capture: Capture, device: torch.device, rotations: int = 1, tile: int = 0, prior: str | None = None
+    net: Network,
+    capture: Capture,
+    device: torch.device,
+    rotations: int = 1,
+    tile: int = 0,
+    prior: str | None = None,
+    passes: int = 1,
 ) -> Normals:
     """Normals of a capture by a network, on `device` (where it is moved).
 
@@ -39,34 +46,47 @@ def measure(
     rotations : 1, or 4: average over quarter turns of the images; four times the work
     tile : side of a tile in pixels, without its overlap; 0: 512 on a processor, 1024 on a GPU
     prior : a classical method in place of the one that the network learned with
+    passes : how often the network looks; from the second time on its own normals are the prior
     """
     L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)  # (n, 3)
     if rotations not in (1, 4):
         raise InputError(f"{rotations} rotations came but 1 or 4 is possible; quarter turns keep the pixels.")
+    if passes < 1:
+        raise InputError(f"{passes} passes came but at least 1 is needed.")
     tile = -(-(tile or (512 if device.type == "cpu" else 1024)) // net.stride) * net.stride
     net = placed(net, device).eval()
     box = Box.of(capture, net.stride)
-    n = len(L)
     start = time.perf_counter()
     with torch.inference_mode():
         look = first_look(net, capture, box, L, net.config.prior if prior is None else prior)
         log.info("prior and scale: %.2f s", time.perf_counter() - start)
-        N = torch.zeros(3, *box.mask.shape)  # (3, h, w)
-        windows = box.windows(tile, net.reach)
-        tiles: list[Tile] = []
-        together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * net.reach) ** 2))  # tiles
-        for first in range(0, len(windows), together):
-            tiles = [Tile(net, box, look, w, L, rotations) for w in windows[first : first + together]]
-            chunk = 1 if device.type == "cpu" else max(1, 2**21 // (tiles[0].mask.numel() * rotations))
-            for j, images in frames(capture, box, device, chunk):
-                for t in tiles:
-                    t.add(images, L[j : j + images.shape[1]])
-            for t in tiles:
-                t.finish(N, n)
+        N = look.prior
+        for _ in range(passes):
+            N = looked(net, capture, box, look, L, rotations, tile)  # (d, h, w)
+            look.prior = N[:3].to(device) * box.mask.to(device)
     log.info("network: %.2f s in all", time.perf_counter() - start)
-    lit = look.lit.cpu()
-    del look, tiles
-    return box.normals(N, lit, capture)
+    return box.normals(N, look.lit.cpu(), capture)
+
+
+def looked(
+    net: Network, capture: Capture, box: Box, look: Look, L: Float[Tensor, "n 3"], rotations: int, tile: int
+) -> Float[Tensor, "d h w"]:
+    """One pass of the network over all images: what it decodes for the box, on the processor."""
+    N: Tensor | None = None
+    windows = box.windows(tile, net.reach)
+    together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * net.reach) ** 2))  # tiles
+    for first in range(0, len(windows), together):
+        tiles = [Tile(net, box, look, w, L, rotations) for w in windows[first : first + together]]
+        chunk = 1 if L.device.type == "cpu" else max(1, 2**21 // (tiles[0].mask.numel() * rotations))
+        for j, images in frames(capture, box, L.device, chunk):
+            for t in tiles:
+                t.add(images, L[j : j + images.shape[1]])
+        for t in tiles:
+            found = t.finish(len(L))
+            N = torch.zeros(len(found), *box.mask.shape) if N is None else N
+            N[:, *t.core] = found
+    assert N is not None  # a mask has pixels
+    return N
 
 
 @dataclass(frozen=True)
@@ -111,16 +131,19 @@ class Box:
                     found.append((*core, rows, columns))
         return found
 
-    def normals(self, N: Float[Tensor, "3 h w"], lit: Bool[Tensor, "h w"], capture: Capture) -> Normals:
-        """A map of the whole picture; pixels that are black in all images are left out of its mask."""
+    def normals(self, N: Float[Tensor, "d h w"], lit: Bool[Tensor, "h w"], capture: Capture) -> Normals:
+        """Maps of the whole picture from what was decoded; pixels that are black in all images are left out."""
         h = min(self.mask.shape[0], capture.mask.shape[0] - self.top)
         w = min(self.mask.shape[1], capture.mask.shape[1] - self.left)
         here = slice(self.top, self.top + h), slice(self.left, self.left + w)
         mask = np.zeros_like(capture.mask)
         mask[here] = (self.mask & lit)[:h, :w].numpy()
         values = np.zeros((*mask.shape, 3), np.float32)
-        values[here] = N[:, :h, :w].permute(1, 2, 0).numpy()
-        return Normals(values, mask)
+        values[here] = N[:3, :h, :w].permute(1, 2, 0).numpy()
+        expected = np.full(mask.shape, np.nan, np.float32) if len(N) > 3 else None
+        if expected is not None:
+            expected[here] = N[3, :h, :w].numpy()
+        return Normals(values, mask, expected)
 
 
 @dataclass
@@ -149,17 +172,18 @@ def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3"]
     if moments is None or not (lit & mask[0, 0]).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     if prior not in ("", "woodham"):
-        b = by_blocks(prior, capture, box, L)
+        from photonormal.solve import method_class
+
+        method = method_class(prior)()
+        streamed = hasattr(method, "normals")  # else it takes the whole capture, with the memory that it needs
+        b = by_blocks(method, capture, box, L) if streamed else box.crop(method(capture, L.device).map)[0, 0].to(L)
     b /= b.norm(dim=0, keepdim=True).clamp(min=1e-12)
     b *= mask[0]
     return Look(b, moments, lit)
 
 
-def by_blocks(prior: str, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) -> Float[Tensor, "3 h w"]:
+def by_blocks(method: Any, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) -> Float[Tensor, "3 h w"]:
     """Normals of a classical method that needs all images of a pixel: as many pixels at a time as memory allows."""
-    from photonormal.solve import method_class
-
-    method = method_class(prior)()
     where = box.mask.flatten().nonzero()[:, 0]  # (p,)
     N = torch.zeros(box.mask.numel(), 3, device=L.device)
     for block in where.to(L.device).split(max(1, PRIOR // len(L))):
@@ -227,17 +251,20 @@ class Tile:
             old = self.pooled[r]
             self.pooled[r] = new if old is None else old.merged(new)
 
-    def finish(self, N: Float[Tensor, "3 h w"], n: int) -> None:
-        """Write the tile's normals into `N`."""
+    def finish(self, n: int) -> Float[Tensor, "d i j"]:
+        """The tile's unit normals and, where the network tells them, expected errors: the mean over all turns."""
         total = torch.zeros(1)
         for r in self.turns:
             pooled = self.pooled[r]
             assert pooled is not None
             with inner_precision(self.mask.device):
-                normals = self.net.decode(pooled, n, self.shared[r])
-            total = total + torch.rot90(turned(normals.float(), -r, 1), -r, (2, 3)).cpu()
+                found = self.net.decode(pooled, n, self.shared[r]).float()
+            found = torch.cat([turned(found[:, :3], -r, 1), found[:, 3:]], dim=1)
+            total = total + torch.rot90(found, -r, (2, 3)).cpu()
+        total[:, :3] = torch.nn.functional.normalize(total[:, :3], dim=1)
+        total[:, 3:] /= len(self.turns)
         y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in zip(self.core, self.seen, strict=True))
-        N[:, *self.core] = torch.nn.functional.normalize(total, dim=1)[0, :, y, x]
+        return total[0, :, y, x]
 
 
 def turned(v: Tensor, quarters: int, axis: int) -> Tensor:

@@ -50,13 +50,16 @@ class Network(nn.Module, ABC):
         """The pooled features of k scaled images: some of the n, or all."""
 
     @abstractmethod
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        """Unit normals from the pooled features of all n images."""
+    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+        """Unit normals from the pooled features of all n images.
+
+        A network that has learned how far it is off gives the expected error in degrees as a fourth channel.
+        """
 
     def forward(
         self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3"], prior: Float[Tensor, "b 3 h w"]
-    ) -> Float[Tensor, "b 3 h w"]:
-        """Unit normals from scaled images (`scaled`), unit lights and the prior."""
+    ) -> Float[Tensor, "b d h w"]:
+        """What `decode` gives, from scaled images (`scaled`), unit lights and the prior."""
         shared = self.begin(prior, lights)
         return self.decode(self.encode(images, lights, shared), images.shape[1], shared)
 

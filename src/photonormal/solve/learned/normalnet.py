@@ -1,4 +1,4 @@
-"""normalnet: every pixel first learns from its own images, in a frame that its prior gives; then it looks around.
+"""A classical prior as the frame of a network: a pixel reads its own images first, then looks around (normalnet).
 
 Fed as plain features a prior is copied, its bias included; as a frame it isn't. Each pixel's lights are turned about
 the view axis until the prior's azimuth is zero, so that one isotropic material looks the same from every side and a
@@ -17,10 +17,15 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from photonormal.solve.learned.layers import SLOPE, Block, conv
+from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network
 from photonormal.solve.learned.pooling import Pooled, pool
+from photonormal.solve.learned.weights import load
+from photonormal.types import Capture, Normals
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
+DOUBT = 32  # channels of the layer that tells the expected error
 
 
 @dataclass(frozen=True)
@@ -34,6 +39,7 @@ class NormalNetConfig:
     hidden, features : channels of the encoder's first two layers, and of its last
     width, layers : channels and number of the 3 x 3 layers before the last one
     blocks : residual blocks of two such layers, in place of `layers`, where not 0
+    expected : also tell the expected angular error of each normal
     """
 
     prior: str = "trimmed"
@@ -43,6 +49,7 @@ class NormalNetConfig:
     width: int = 128
     layers: int = 2
     blocks: int = 0
+    expected: bool = False
 
 
 class Shared(NamedTuple):
@@ -64,7 +71,7 @@ class NormalNet(Network):
     def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
         super().__init__()
         self.config = c = config
-        self.reach = (2 * c.blocks or c.layers) + 1
+        self.reach = (2 * c.blocks or c.layers) + 1 + c.expected
         self.floats = 2 * c.features + 8
         act = nn.LeakyReLU(SLOPE, inplace=True)
         self.encoder = nn.Sequential(
@@ -74,6 +81,8 @@ class NormalNet(Network):
         layer, count = (Block, c.blocks) if c.blocks else (conv, c.layers)
         self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
         self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
+        if c.expected:
+            self.doubt = nn.Sequential(conv(c.width + 4, DOUBT), nn.Conv2d(DOUBT, 1, 3, padding=1))
         for module in self.modules():
             if isinstance(module, nn.Linear | nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, a=SLOPE)
@@ -104,15 +113,22 @@ class NormalNet(Network):
         features = self.encoder(seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
         return pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
 
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         assert pooled.total is not None
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
         frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
         mean = (pooled.total / n).to(pooled.maximum.dtype)
         x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3)
         x = self.fuse(x).permute(0, 3, 1, 2)  # channels last in memory
-        n_x, n_y, n_z = (frame + self.correction(self.spatial(x)).float()).split(1, dim=1)
-        return F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
+        x = self.spatial(x)
+        correction = self.correction(x).float()
+        n_x, n_y, n_z = (frame + correction).split(1, dim=1)
+        N = F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
+        if not self.config.expected:
+            return N
+        few = torch.full_like(n_z, n).log()
+        seen = torch.cat([x, correction.to(x.dtype), few.to(x.dtype)], dim=1).detach()  # doubt changes no normal
+        return torch.cat([N, self.doubt(seen).float().clamp(max=4.5).exp()], dim=1)  # at most 90 degrees
 
 
 def cosines(lights: Float[Tensor, "b k 3"], shared: Shared) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
@@ -142,3 +158,23 @@ def tokens(I: Float[Tensor, "b k h w"], lights: Float[Tensor, "b k 3"], shared: 
     near, sees = 10 * (half - 0.9).clamp(min=-0.1), (cos > 0).to(cos.dtype)
     found = [I, I - shading, log, excess, x, y, z, x * s, y * s, (z + 1) * s, cos, half, near, sees, nx, nz]
     return torch.stack(found, dim=-1)
+
+
+@dataclass(frozen=True)
+class NormalNetMethod(Learned):
+    """normalnet: a classical prior as the frame of a per-pixel network that then looks around.
+
+    Parameters
+    ----------
+    weights, rotations : see Learned
+    prior : a classical method in place of the one that the weights were learned with; "": that one
+    passes : how often the network looks; from the second time on its own normals are the prior
+    """
+
+    prior: str = ""
+    passes: int = 2
+    name = "normalnet"
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        net = load(self.file, self.name)
+        return measure(net, capture, device, self.rotations, prior=self.prior or None, passes=self.passes)

@@ -28,6 +28,8 @@ class Pooled(NamedTuple):
 
 def pool(features: Float[Tensor, "b k *chw"], total: bool = False) -> Pooled:
     """Maximum, and sum if `total`, over the images k. Fast where the memory runs in the order of the axes."""
+    if features.shape[1] == 1:  # nothing to fuse: measuring image by image
+        return Pooled(features[:, 0], features[:, 0].to(torch.float32, copy=True) if total else None)
     if total:
         return Pooled(*MaximumAndTotal.apply(features))
     return Pooled(Maximum.apply(features))  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, ClassVar
 
 import torch
@@ -11,8 +12,12 @@ from torch import Tensor, nn
 
 from photonormal.solve.learned.lambertian_prior import over_images
 from photonormal.solve.learned.layers import conv, deconv, kaiming, unit
+from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network
 from photonormal.solve.learned.pooling import Pooled
+from photonormal.solve.learned.weights import load
+from photonormal.types import Capture, InputError, Normals
 
 
 @dataclass(frozen=True)
@@ -65,3 +70,32 @@ class PSFCNNet(Network):
 
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
         return unit(self.regressor(pooled.maximum))
+
+
+@dataclass(frozen=True)
+class PSFCN(Learned):
+    """PS-FCN (Chen, Han, Wong, ECCV 2018): no prior."""
+
+    name = "psfcn"
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        return measure(psfcn(self.file, normalised=False), capture, device, self.rotations)
+
+
+@dataclass(frozen=True)
+class PSFCNNormalised(Learned):
+    """PS-FCN on normalised observations (Chen, Han, Shi, Matsushita, Wong, TPAMI 2020): no prior."""
+
+    name = "psfcn-normalised"
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        return measure(psfcn(self.file, normalised=True), capture, device, self.rotations)
+
+
+def psfcn(file: Path, normalised: bool) -> Network:
+    """PS-FCN's network from a weights file that was trained with or without normalised observations."""
+    net = load(file, "psfcn")
+    if net.config.normalised != normalised:
+        kind = "psfcn-normalised" if net.config.normalised else "psfcn"
+        raise InputError(f"weights {file} are for {kind}; measure with method {kind}, or give other weights.")
+    return net

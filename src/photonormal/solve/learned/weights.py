@@ -115,5 +115,5 @@ def checksum(path: Path) -> str:
 def stated_checksum(path: Path) -> str | None:
     """The SHA-256 that the card beside a weights file states; None where there is no card."""
     card = path.with_suffix(".md")
-    found = re.search(r"\b[0-9a-f]{64}\b", card.read_text()) if card.is_file() else None
-    return found.group() if found else None
+    found = re.search(r"sha256\W+([0-9a-f]{64})\b", card.read_text()) if card.is_file() else None
+    return found.group(1) if found else None

@@ -148,6 +148,18 @@ RECIPES = {
     "cpu": CPU,
     "normalnet": NORMALNET,
     "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=2, warmup=200, validate=2000),
+    "normalnet-expected": replace(
+        NORMALNET,
+        config={"expected": True},
+        images=(4, 64),
+        batch=16,
+        reuse=2,
+        steps=4000,
+        warmup=50,
+        priors=(("trimmed", 1.0),),
+        again=0.0,
+        learn="doubt",
+    ),  # on top of trained weights (--start-from): how far each normal is expected to be off
 }
 
 

@@ -1,0 +1,167 @@
+"""How well a learned method does on DiLiGenT objects: its options, few images, faults, and how far it can be trusted.
+
+    python benchmarks/learned.py ROOT [--method normalnet] [--weights FILE] [--tables options,images,faults,expected]
+
+ROOT holds `<object>PNG` folders. Prints Markdown; angles are means over the mask in degrees. `images`: draws of fixed
+seeds at full resolution. `faults`: what each fault costs. `expected`: pixels sorted by expected error and cut into
+ten equal parts, on rendered scenes of materials that training never sees (PHOTONORMAL_DATA) and on the real objects.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import torch
+from classical import OBJECTS, in_memory, print_row, under
+
+import photonormal as pn
+from photonormal.geometry import angle_deg
+from photonormal.solve import configure, observations
+from photonormal.synth import Stream
+from photonormal.synth.sensor import corrupt, turned
+
+Table = dict[str, pn.Capture]
+
+
+def errors_deg(found: pn.Normals, truth: pn.Normals) -> np.ndarray:
+    """Angles over the truth's mask; a pixel without a normal counts 90 degrees."""
+    angle = angle_deg(found.map[truth.mask], truth.map[truth.mask])
+    return np.where(found.mask[truth.mask], angle, 90)
+
+
+def mean_deg(solver: Callable, capture: pn.Capture, device: torch.device) -> float:
+    assert capture.truth is not None
+    return float(errors_deg(solver(capture, device), capture.truth).mean())
+
+
+def options(method: str, given: dict, captures: Table, device: torch.device) -> None:
+    """Passes, rotations, priors; seconds of all objects together."""
+    print_row("options", *captures, "mean", "seconds")
+    print_row(*["---"] * (len(captures) + 3))
+    tried = [{"passes": p} for p in (1, 2, 3)] if method == "normalnet" else [{}]
+    tried += [{"rotations": 4}, {"prior": "woodham"}, {"prior": "ransac"}, {"prior": "table"}]
+    for more in tried:
+        start = time.perf_counter()
+        errors = [mean_deg(configure(method, **given, **more), c, device) for c in captures.values()]
+        seconds = time.perf_counter() - start
+        name = ", ".join(f"{k} {v}" for k, v in more.items()) or "default"
+        print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]], f"{seconds:.1f}")
+
+
+def few_images(solver: Callable, captures: Table, draws: int, device: torch.device) -> None:
+    """All images, then random draws of some."""
+    print_row("images", "draws", *captures, "mean")
+    print_row(*["---"] * (len(captures) + 3))
+    for k, count in ((0, 1), (32, max(1, draws // 10)), (10, draws), (4, draws)):
+        table = []
+        for capture in captures.values():
+            n = len(capture.known_lights())
+            chosen = (np.sort(np.random.default_rng(seed).permutation(n)[: k or n]) for seed in range(count))
+            table.append([mean_deg(solver, under(capture, some), device) for some in chosen])
+        values = np.array(table)  # (objects, draws)
+        cells = [f"{v.mean():.2f} ± {v.std():.2f}" if count > 1 else f"{v[0]:.2f}" for v in [*values, values.mean(0)]]
+        print_row(str(k or "all"), str(count), *cells)
+
+
+def corrupted(capture: pn.Capture, share: float = 0.2) -> pn.Capture:
+    """In a share of the images a half or a patch is dimmed or brightened, or the image is shifted."""
+    I = torch.from_numpy(np.asarray(capture.images)).permute(0, 3, 1, 2)[None]
+    worse = corrupt(I.expand(-1, -1, 3, -1, -1), np.array([share]), np.random.default_rng(0))
+    return replace(capture, images=worse[0].permute(0, 2, 3, 1).numpy())
+
+
+def misled(capture: pn.Capture, sigma_deg: float = 2.0) -> pn.Capture:
+    """Light directions with an error of about `sigma_deg` degrees."""
+    sigma = np.array([sigma_deg / np.sqrt(2)])  # about each of two axes
+    return replace(capture, lights=turned(capture.known_lights()[None], np.random.default_rng(0), sigma)[0])
+
+
+def coarse(capture: pn.Capture) -> pn.Capture:
+    """Eight bits, with the brightest thousandth of the samples saturated."""
+    I = np.asarray(capture.images)
+    white = float(np.quantile(I[:, capture.mask], 0.999))
+    return replace(capture, images=(np.round(np.clip(I / white, 0, 1) * 255) / 255 * white).astype(np.float32))
+
+
+FAULTS = {
+    "none": lambda c: c,
+    "20 % corrupted images": corrupted,
+    "lights off by 2 degrees": misled,
+    "8 bits": coarse,
+}
+
+
+def faults(solver: Callable, captures: Table, device: torch.device) -> None:
+    """What each fault of a set-up costs."""
+    print_row("fault", *captures, "mean")
+    print_row(*["---"] * (len(captures) + 2))
+    for name, spoil in FAULTS.items():
+        errors = [mean_deg(solver, spoil(c), device) for c in captures.values()]
+        print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
+
+
+def rendered(count: int = 64) -> Table:
+    """Whole rendered objects of held-out materials under 32 lights."""
+    found = {}
+    for i, b in enumerate(islice(Stream("objects", 1, "cpu", 12345, lights=(32, 32), scenes=1), count)):
+        mask = b.mask[0, 0].numpy()
+        truth = pn.Normals(b.normals[0].permute(1, 2, 0).numpy(), mask)
+        found[str(i)] = pn.Capture(b.images[0].permute(0, 2, 3, 1).numpy(), mask, b.lights[0].numpy(), truth=truth)
+    return found
+
+
+def expected(solver: Callable, captures: Table, device: torch.device) -> None:
+    """Expected and true errors of ten equal parts of the pixels."""
+    print_row("pixels", *[f"{10 * i} to {10 * i + 10} %" for i in range(10)], "all")
+    print_row(*["---"] * 12)
+    for name, some in {"rendered": rendered(), **{k: {k: c} for k, c in captures.items()}}.items():
+        told, true = [], []
+        for capture in some.values():
+            found = solver(capture, device)
+            assert capture.truth is not None
+            if found.expected_error_deg is None:
+                return print("these weights do not tell what error to expect")
+            both = found.mask & capture.truth.mask
+            told.append(found.expected_error_deg[both])
+            true.append(angle_deg(found.map[both], capture.truth.map[both]))
+        e, t = np.concatenate(told), np.concatenate(true)
+        parts = np.array_split(np.argsort(e), 10)
+        for label, values in (("expected", e), ("true", t)):
+            print_row(f"{name}, {label}", *[f"{values[p].mean():.2f}" for p in parts], f"{values.mean():.2f}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("root", type=Path)
+    parser.add_argument("--method", default="normalnet")
+    parser.add_argument("--weights", default="")
+    parser.add_argument("--tables", default="options,images,faults,expected")
+    parser.add_argument("--draws", type=int, default=100)
+    parser.add_argument("--device", default="cpu")
+    given = parser.parse_args()
+    device = observations.torch_device(given.device)
+    found = {name: given.root / f"{name}PNG" for name in OBJECTS if (given.root / f"{name}PNG").is_dir()}
+    if not found:
+        parser.error(f"no <object>PNG folders in {given.root}")
+    captures = {name: in_memory(pn.load(folder)) for name, folder in found.items()}
+    weights = {"weights": given.weights} if given.weights else {}
+    solver = configure(given.method, **weights)
+    tables = {
+        "options": lambda: options(given.method, weights, captures, device),
+        "images": lambda: few_images(solver, captures, given.draws, device),
+        "faults": lambda: faults(solver, captures, device),
+        "expected": lambda: expected(solver, captures, device),
+    }
+    for name in given.tables.split(","):
+        print(f"\n{name}\n")
+        tables[name]()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,16 +1,20 @@
 """Accuracy and seconds of every classical method on DiLiGenT objects, beside the published figures.
 
     python benchmarks/classical.py [--draws 100] [--device cpu] [--methods woodham,l1] [--runs 3] ROOT
+    python benchmarks/classical.py --memory 300000
 
 ROOT holds `<object>PNG` folders. Prints Markdown: mean angular error with all images (and, in brackets, the published
 one), and the best of several runs on cat, on pictures in memory: seconds of the whole call; in brackets without the
 conversion to grey levels, which all methods share, and seconds of processor time. With --draws, also the errors with
-few random lights: mean and standard deviation over draws of fixed seeds, at every --draw-step-th row and column.
+few random lights: mean and standard deviation over draws of fixed seeds, at every --draw-step-th row and column. With
+--memory, needs no ROOT: the most memory that each method takes beyond the pictures, for that many pixels and 96 images.
 """
 
 from __future__ import annotations
 
 import argparse
+import multiprocessing
+import resource
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -20,7 +24,7 @@ import numpy as np
 import torch
 
 import photonormal as pn
-from photonormal.geometry import angle_deg
+from photonormal.geometry import angle_deg, fibonacci_hemisphere
 from photonormal.solve import METHODS, method_class, observations
 
 PUBLISHED = {  # ball bear buddha cat cow goblet harvest pot1 pot2 reading
@@ -73,23 +77,53 @@ def best_seconds(run: Callable[[], object], runs: int, device: torch.device) -> 
     return min(seconds), min(busy)
 
 
+def memory_mb(method: str, pixels: int, device: str) -> float:
+    """The most memory that a method takes beyond 96 grey pictures, in a process of its own."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        return pool.apply(_memory_mb, (method, pixels, device))
+
+
+def _memory_mb(method: str, pixels: int, device: str) -> float:
+    random = np.random.default_rng(0)
+    lights = fibonacci_hemisphere(384)[:96]
+    N = fibonacci_hemisphere(pixels)[random.permutation(pixels)].astype(np.float32)
+    images = np.empty((96, 1, pixels, 1), np.float32)
+    for image, light in zip(images, lights.astype(np.float32), strict=True):
+        image[0, :, 0] = 0.3 * np.maximum(N @ light, 0) + 0.01 * random.random(pixels, np.float32)
+    capture = pn.Capture(images, np.ones((1, pixels), bool), lights)
+    solver = method_class(method)()
+    solver(in_memory(capture, max(1, pixels // 500)), torch.device(device))  # what loading the libraries takes
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    solver(capture, torch.device(device))
+    return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+
+
 def print_row(*cells: str) -> None:
     print("| " + " | ".join(cells) + " |", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("root", type=Path)
+    parser.add_argument("root", type=Path, nargs="?")
     parser.add_argument("--methods", default=",".join(PUBLISHED) + ",trimmed,median,ransac")
     parser.add_argument("--device", default="cpu")
     parser.add_argument("--draws", type=int, default=0, help="draws of few lights")
     parser.add_argument("--lights", type=int, default=10, help="lights in each draw")
     parser.add_argument("--draw-step", type=int, default=4, help="rows and columns of the draws: every step-th")
+    parser.add_argument("--memory", type=int, default=0, help="pixels for which to measure memory instead")
     parser.add_argument("--runs", type=int, default=3, help="timed runs on cat; 0: none")
     parser.add_argument("--step", type=int, default=1, help="rows and columns of the accuracy table: every step-th")
     options = parser.parse_args()
     device = observations.torch_device(options.device)
     methods = [m for m in options.methods.split(",") if m in METHODS]
+    if options.memory:
+        print_row("method", f"MB beyond the pictures, 96 x {options.memory}")
+        print_row("---", "---")
+        for method in methods:
+            print_row(method, f"{memory_mb(method, options.memory, options.device):.0f}")
+        return
+    if options.root is None:
+        parser.error("ROOT is needed, a folder that holds <object>PNG folders")
     loaded = {name: pn.load(options.root / f"{name}PNG") for name in OBJECTS if (options.root / f"{name}PNG").is_dir()}
 
     captures = {name: in_memory(capture, options.step) for name, capture in loaded.items()}

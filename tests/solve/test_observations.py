@@ -13,6 +13,7 @@ from photonormal.solve.observations import (
     grey_levels,
     level,
     lit,
+    metallic,
     per_pixel,
     some_pixels,
     torch_device,
@@ -55,6 +56,18 @@ def test_dim_samples_of_metal_are_lit_and_those_of_matt_objects_are_not():
     metal = torch.from_numpy(np.concatenate([dim, random.uniform(0.002, 0.02, (950, 8)), np.full((40, 8), 0.9)]))
     assert not lit(matt)[:10].any()
     assert lit(metal)[:10].all()
+
+
+def test_metal_is_told_from_matt_objects_with_and_without_highlights():
+    L = torch.from_numpy(fibonacci_hemisphere(200))
+    N = torch.from_numpy(fibonacci_hemisphere(500))[:400]
+    H = torch.nn.functional.normalize(L + torch.tensor([0, 0, 1.0]), dim=1)
+    cos = (N @ L.T).clamp(min=0)
+    highlights = cos * (N @ H.T).clamp(min=0) ** 100
+    narrow = L[:, 2] > 0.7
+    for lights in (narrow, narrow | True):
+        I = cos[:, lights], (0.3 * cos + highlights)[:, lights], highlights[:, lights]
+        assert [metallic(i, lit(i)) for i in I] == [False, False, True]
 
 
 def test_each_capture_of_a_batch_has_its_own_threshold():

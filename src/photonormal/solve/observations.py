@@ -17,6 +17,7 @@ from photonormal.types import Capture, InputError, Normals
 
 BLOCK = {"cpu": 2**18, "cuda": 2**22}  # samples solved at a time: bounds memory; on the processor they fit its cache
 SHADOW = {0.99: 0.02, 0.75: 0.06}  # quantile of all samples: fraction of it below which a sample may be in shadow
+METALLIC = 0.5, 0.4  # median lit sample over the 90 % quantile; share of pixels below it that makes a metal object
 READ = 2**20  # samples that suffice to find a quantile
 
 
@@ -69,6 +70,19 @@ def lit(I: Float[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
     return I > torch.minimum(*dark)
 
 
+def metallic(I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"]) -> bool:
+    """Whether light comes off the object in highlights alone: few samples of many pixels outshine the others.
+
+    A matt pixel's median lit sample is more than half of its 90 % quantile, wherever the lights are; a highlight on
+    a matt ground changes that little.
+    """
+    some = some_pixels(I.shape[0], 2000)
+    lit = I[some].masked_fill(~keep[some], torch.nan)
+    ratio = lit.nanquantile(0.5, dim=1) / lit.nanquantile(0.9, dim=1)
+    dark, share = METALLIC
+    return bool((ratio < dark).float().mean() > share)
+
+
 def ascending(I: Float[Tensor, "*p n"]) -> Float[Tensor, "*p n"]:
     """Each pixel's samples from dark to bright."""
     if I.device.type == "cpu":  # numpy sorts with vector instructions: ten times faster than torch there
@@ -76,7 +90,7 @@ def ascending(I: Float[Tensor, "*p n"]) -> Float[Tensor, "*p n"]:
     return I.sort(dim=-1).values
 
 
-def ascending_order(x: Float[Tensor, "*p n"]) -> Int[Tensor, "*p n"]:
+def ascending_order(x: Float[Tensor, "*p n"] | Int[Tensor, "*p n"]) -> Int[Tensor, "*p n"]:
     """Indices that put each pixel's values in ascending order."""
     if x.device.type == "cpu":
         return torch.from_numpy(np.argsort(x.detach().numpy(), axis=-1))
@@ -116,12 +130,21 @@ def per_pixel(
 
 
 def per_lit_pixel(
-    fit: Callable[[Tensor, Tensor, Tensor], Tensor], capture: Capture, device: torch.device, dtype: torch.dtype
+    fit: Callable[[Tensor, Tensor, Tensor], Tensor],
+    capture: Capture,
+    device: torch.device,
+    dtype: torch.dtype,
+    metal: Callable[[Tensor, Tensor, Tensor], Tensor] | None = None,
 ) -> Normals:
-    """As `per_pixel`, for a `fit` that also takes which samples are lit (p, n), by the whole capture's threshold."""
+    """As `per_pixel`, for a `fit` that also takes which samples are lit (p, n), by the whole capture's threshold.
+
+    An object that is `metallic` is solved by `metal`, where it is given.
+    """
     I = grey_levels(capture)  # (p, n)
+    keep = lit(I)
     L = torch.as_tensor(capture.known_lights(), dtype=dtype, device=device)
-    return on_mask(every_pixel(fit, I, lit(I), L).to("cpu", torch.float32), capture)
+    chosen = metal if metal is not None and metallic(I, keep) else fit
+    return on_mask(every_pixel(chosen, I, keep, L).to("cpu", torch.float32), capture)
 
 
 def every_pixel(

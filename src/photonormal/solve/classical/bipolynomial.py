@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.shading import cosines, half_vectors
+from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse, symmetric_product
 from photonormal.solve.observations import at_least, normalised, per_lit_pixel
@@ -21,35 +22,55 @@ class Bipolynomial:
 
     Only samples of lower rank enter, so that no sharp highlight needs modelling. C and the normal are found in turn,
     each by linear least squares. A ridge on all but the constant keeps C from absorbing errors of the normal where the
-    lights cover a narrow cone. Needs 6 lights.
+    lights cover a narrow cone; on metal it is weaker, and the first normal is that of `monotonic`. Needs 6 lights.
 
     Parameters
     ----------
     degree : highest power of each of the two cosines
-    ridge : weight of C_ij^2, relative to that of the data on the constant term
+    ridge, ridge_metal : weight of C_ij^2, relative to that of the data on the constant term
     window : which samples enter, and the first normal
+    metal : the first normal on metal
     rounds : of finding C, then the normal
     """
 
     degree: int = 2
     ridge: float = 3e-3
+    ridge_metal: float = 1e-4
     window: Trimmed = field(default=Trimmed())
+    metal: Monotonic = field(default=Monotonic())
     rounds: int = 6
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(6, capture, "bipolynomial")
-        return per_lit_pixel(self.fit, capture, device, torch.float64)
+        return per_lit_pixel(self.fit, capture, device, torch.float64, metal=self.fit_metal)
 
     def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
-        n = self.window.fit(I, keep, L)
+        return self.alternation(I, keep, L, self.window.fit(I, keep, L), self.ridge)
+
+    def fit_metal(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]
+    ) -> Float[Tensor, "p 3"]:
+        """As `fit`, on metal."""
+        start = self.metal.fit(I.float(), keep, L.float())
+        return self.alternation(I, keep, L, start.to(I), self.ridge_metal)
+
+    def alternation(
+        self,
+        I: Float[Tensor, "p n"],
+        keep: Bool[Tensor, "p n"],
+        L: Float[Tensor, "n 3"],
+        n: Float[Tensor, "p 3"],
+        weight: float,
+    ) -> Float[Tensor, "p 3"]:
+        """C and the normal in turn, from the normal `n` on, with a ridge of some weight."""
         w = (keep & self.window.window(I, keep)).to(I.dtype)  # (p, n)
         I = I * (w.sum(1, keepdim=True) / (w * I).sum(1, keepdim=True).clamp(min=1e-12))
         H = half_vectors(L)
         y = (1 - (L * H).sum(-1))[..., None]  # (n, 1)
         i, j = torch.meshgrid(*2 * [torch.arange(self.degree + 1, device=L.device)], indexing="ij")
         i, j = i.flatten(), j.flatten()  # the m terms
-        ridge = self.ridge * (i + j > 0) + 1e-9
+        ridge = weight * (i + j > 0) + 1e-9
         for _ in range(self.rounds):
             cos = cosines(n, L).clamp(min=0)
             x = (1 - cosines(n, H))[..., None]

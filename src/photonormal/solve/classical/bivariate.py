@@ -9,14 +9,15 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines
+from photonormal.shading import cosines, half_vectors
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse
-from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.solve.observations import ascending_order, at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 SIX_TO_NINE = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # xx xy xz yy yz zz -> 3 x 3
+TINY = 1e-7
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class Bivariate:
 
     g = sum_kj d_kj (sum_{i>=k} B_i(I)) B_j(v.l) with d >= 0, so the normal and d minimise |L n - Phi d|^2, of which n
     is eliminated. Beyond the paper, the brightest samples are left out, g bends at a cost, and samples far from the fit
-    lose weight (they are cast shadows and interreflections), round by round. Needs 6 lights.
+    lose weight (they are cast shadows and interreflections), round by round. Pure metal has no part that follows n.l:
+    there n.h = g(sqrt I) is fitted, too, and each pixel keeps what orders its samples better. Needs 6 lights.
 
     Parameters
     ----------
@@ -35,6 +37,7 @@ class Bivariate:
     window : which samples enter
     start : gives the normal that the first weights rest on
     rounds : of reweighting
+    degree_half, bend_half, spread_half : the same for n.h = g(sqrt I)
     """
 
     degree_intensity: int = 2
@@ -44,51 +47,89 @@ class Bivariate:
     window: Trimmed = field(default=Trimmed(lowest=0.0, highest=0.75, least=12))
     start: Trimmed = field(default=Trimmed())
     rounds: int = 5
+    degree_half: int = 4
+    bend_half: float = 1e-4
+    spread_half: float = 0.015
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(6, capture, "bivariate")
-        return per_lit_pixel(self.fit, capture, device, torch.float64)
+        return per_lit_pixel(self.fit, capture, device, torch.float64, metal=self.fit_metal)
 
     def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         start = self.start.fit(I, keep, L)
         keep = keep & self.window.window(I, keep)
-        Phi = self.basis(I, keep, L)  # (p, n, m)
-        bend = self.bending(Phi)
+        x = (L[:, 2] - L[:, 2].min()) / (L[:, 2].max() - L[:, 2].min()).clamp(min=1e-12)  # v.l from 0 to 1
+        B = bernstein(x, self.degree_light)
+        Phi = torch.stack([g * b for g in growing(relative(I, keep), self.degree_intensity) for b in B], dim=-1)
+        bend = bending(self.bend, self.degree_intensity, len(B)).to(Phi)
         w = keep.to(I.dtype) / (1 + (lambertian_residual(I, keep, cosines(start, L)) / 0.2) ** 2)
-        n = start
+        return self.regression(Phi, torch.ones_like(bend[0]), bend, L, keep, w, self.spread, start)
+
+    def fit_metal(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]
+    ) -> Float[Tensor, "p 3"]:
+        """As `fit`, or the fit of n.h = g(sqrt I), g(0) >= 0, where that orders the samples better."""
+        n, H = self.fit(I, keep, L), half_vectors(L)
+        rising = growing(relative(I, keep).sqrt(), self.degree_half)
+        Phi = torch.stack([torch.ones_like(I), *rising], dim=-1)
+        bend = torch.block_diag(torch.full((1, 1), TINY), bending(self.bend_half, self.degree_half, 1)).to(Phi)
+        rises = torch.ones_like(bend[0]).index_fill(0, torch.tensor([0], device=I.device), 0)
+        w = keep.to(I.dtype)
+        shiny = self.regression(Phi, rises, bend, H, keep, w, self.spread_half, n)
+        return torch.where(disorder(I, keep, cosines(shiny, H)) < disorder(I, keep, cosines(n, L)), shiny, n)
+
+    def regression(
+        self,
+        Phi: Float[Tensor, "p n m"],
+        rises: Float[Tensor, " m"],
+        bend: Float[Tensor, "m m"],
+        A: Float[Tensor, "n 3"],
+        keep: Bool[Tensor, "p n"],
+        w: Float[Tensor, "p n"],
+        spread: float,
+        n: Float[Tensor, "p 3"],
+    ) -> Float[Tensor, "p 3"]:
+        """Unit n that minimise |A n - Phi d|^2 over d >= 0, rises.d fixed, samples reweighted from `w` on; else `n`."""
         for _ in range(self.rounds):
-            A, fixed = symmetric_inverse(w @ pairs(L))  # of L'wL
-            A = A[:, SIX_TO_NINE].unflatten(1, (3, 3))
+            inverse, fixed = symmetric_inverse(w @ pairs(A))  # of A'wA
+            inverse = inverse[:, SIX_TO_NINE].unflatten(1, (3, 3))
             wPhi = w[..., None] * Phi
-            LPhi = L.T @ wPhi  # (p, 3, m)
-            G = wPhi.transpose(1, 2) @ Phi - LPhi.transpose(1, 2) @ A @ LPhi  # of |L n - Phi d|^2 with the best n
+            APhi = A.T @ wPhi  # (p, 3, m)
+            G = wPhi.transpose(1, 2) @ Phi - APhi.transpose(1, 2) @ inverse @ APhi  # of |A n - Phi d|^2 with the best n
             G = G / (wPhi * Phi).sum((1, 2)).div(Phi.shape[2]).clamp(min=1e-12)[:, None, None] + bend
-            d = nonnegative_minimum(G, torch.ones_like(G[..., 0]))  # (p, m), up to scale
-            b = (A @ LPhi @ d[..., None])[..., 0]
-            r = (cosines(b, L) - (Phi @ d[..., None])[..., 0]) / b.norm(dim=-1, keepdim=True).clamp(min=1e-12)
-            w = keep / (1 + (r / self.spread) ** 2)
+            d = nonnegative_minimum(G, rises.expand(G.shape[:2]))  # (p, m), up to scale
+            b = (inverse @ APhi @ d[..., None])[..., 0]
+            r = (cosines(b, A) - (Phi @ d[..., None])[..., 0]) / b.norm(dim=-1, keepdim=True).clamp(min=1e-12)
+            w = keep / (1 + (r / spread) ** 2)
             n = torch.where(fixed, normalised(b), n)
         return n
 
-    def basis(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]
-    ) -> Float[Tensor, "p n m"]:
-        """(sum_{i>=k} B_i(y)) B_j(x): y is I over the pixel's brightest sample to `keep`, x is v.l from 0 to 1."""
-        y = (I / (I * keep).amax(1, keepdim=True).clamp(min=1e-12)).clamp(max=1)
-        x = (L[:, 2] - L[:, 2].min()) / (L[:, 2].max() - L[:, 2].min()).clamp(min=1e-12)
-        B = bernstein(y, self.degree_intensity)
-        growing = [torch.stack(B[k:]).sum(0) for k in range(1, len(B))]
-        return torch.stack([g * b for g in growing for b in bernstein(x, self.degree_light)], dim=-1)
 
-    def bending(self, Phi: Float[Tensor, "p n m"]) -> Float[Tensor, "m m"]:
-        """The quadratic form of the cost of bending, and a little to keep it definite."""
-        k, j = self.degree_intensity, self.degree_light + 1
-        index = torch.arange(k * j, device=Phi.device).reshape(k, j)
-        unit = torch.eye(k * j, dtype=Phi.dtype, device=Phi.device)
-        D = torch.cat([unit[index[1:].flatten()] - unit[index[:-1].flatten()],
-                       unit[index[:, 1:].flatten()] - unit[index[:, :-1].flatten()]])  # fmt: skip
-        return self.bend * D.T @ D + 1e-7 * unit
+def relative(I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"]) -> Float[Tensor, "p n"]:
+    """I over the pixel's brightest sample to `keep`."""
+    return (I / (I * keep).amax(1, keepdim=True).clamp(min=1e-12)).clamp(max=1)
+
+
+def growing(y: Float[Tensor, "*p"], degree: int) -> list[Float[Tensor, "*p"]]:
+    """sum_{i>=k} B_i(y) for k from 1 to the degree: they grow from 0 to 1."""
+    B = bernstein(y, degree)
+    return [torch.stack(B[k:]).sum(0) for k in range(1, len(B))]
+
+
+def bending(cost: float, k: int, j: int) -> Float[Tensor, "m m"]:
+    """The quadratic form of the cost of differences between neighbours of a k x j table; TINY keeps it definite."""
+    index = torch.arange(k * j).reshape(k, j)
+    unit = torch.eye(k * j)
+    D = torch.cat([unit[index[1:].flatten()] - unit[index[:-1].flatten()],
+                   unit[index[:, 1:].flatten()] - unit[index[:, :-1].flatten()]])  # fmt: skip
+    return cost * D.T @ D + TINY * unit
+
+
+def disorder(I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], cos: Float[Tensor, "p n"]) -> Float[Tensor, "p 1"]:
+    """How far the ranks of the samples to `keep` by I are from those by the cosine, in sum."""
+    by_I, by_cos = (ascending_order(ascending_order(torch.where(keep, x, torch.inf))) for x in (I, cos))
+    return ((by_I - by_cos).abs() * keep).sum(1, keepdim=True).to(I.dtype)
 
 
 def bernstein(t: Float[Tensor, "*p"], degree: int) -> list[Float[Tensor, "*p"]]:

@@ -44,6 +44,7 @@ class RPCA:
     def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
         A = self.low_rank(I, lit(I))
+        A = torch.where(A.any(-1, keepdim=True), A, I)  # where all is highlight: least squares
         return normalised(scaled_normals(A, L) * (I > 0).any(-1, keepdim=True))
 
     def low_rank(self, D: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"]) -> Float[Tensor, "*b p n"]:

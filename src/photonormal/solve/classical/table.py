@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from math import pi
 
 import torch
@@ -10,18 +11,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.shading import cosines, half_vectors, shade
-from photonormal.solve.classical.monotonic import Monotonic
-from photonormal.solve.classical.ransac import Ransac
-from photonormal.solve.classical.refine import Refinement
-from photonormal.solve.observations import (
-    at_least,
-    blocks,
-    every_pixel,
-    grey_levels,
-    lit,
-    on_mask,
-    some_pixels,
-)
+from photonormal.solve.classical.alternation import Alternation
+from photonormal.solve.observations import at_least
 from photonormal.types import Capture, Normals
 
 
@@ -29,70 +20,48 @@ from photonormal.types import Capture, Normals
 class Table:
     """I = a_p B(theta_h, theta_d) n.l with one table B for the object and an albedo a_p and a normal for each pixel.
 
-    B is read off the samples of some pixels, then all normals are refined under it, in turn. That is done from two
-    starts, one that is right on matt surfaces and one that is right on metal; each pixel keeps the answer that explains
-    it better. Objects of several very different materials fit one table badly. Needs 10 lights.
+    B is read off the samples of some pixels, then all normals are refined under it, in turn. Objects of several very
+    different materials fit one table badly. Needs 10 lights.
 
     Parameters
     ----------
     half, difference : cells of the table over theta_h (finer near 0) and over the theta_d that the lights reach
     smooth : width in cells of the smoothing, over theta_h and theta_d
-    sample : pixels that the table is read off
-    rounds : of reading off, then refining
-    matt, metal : give the two starts
-    refinement : of the normals
+    alternation : of reading off, then refining
     """
 
     half: int = 40
     difference: int = 4
     smooth: tuple[float, float] = (0.7, 0.8)
-    sample: int = 6000
-    rounds: int = 4
-    matt: Ransac = field(default=Ransac(triplets=60))
-    metal: Monotonic = field(default=Monotonic())
-    refinement: Refinement = field(default=Refinement())
+    alternation: Alternation = field(default=Alternation(sample=6000, rounds=4))
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(10, capture, "table")
-        I = grey_levels(capture)  # (p, n)
-        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)
-        return on_mask(self.fit(I, lit(I), L).cpu(), capture)
+        return self.alternation(self.flat, capture, device)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
-        """Unit normals of a whole object from the samples to `keep`; computed where the lights are."""
-        answers = [self.refine(I, keep, L, start) for start in (self.matt, self.metal)]
-        (n, loss), (n_metal, loss_metal) = answers
-        return torch.where(loss_metal < loss, n_metal, n)
-
-    def refine(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], start: Ransac | Monotonic
-    ) -> tuple[Float[Tensor, "p 3"], Float[Tensor, "p 1"]]:
-        """Normals from one start, and their loss."""
-        n = every_pixel(start.fit, I, keep, L)
-        loss = torch.zeros_like(n[:, :1])
-        some = some_pixels(I.shape[0], self.sample)
-        samples, lit = I[some].to(L), keep[some].to(L.device)
-        grid = Grid.under(L, self.half, self.difference)
+    def flat(self, L: Float[Tensor, "n 3"]) -> Tabulated:
+        """The table of a matt object."""
         B = torch.ones(self.half + 1, self.difference, device=L.device)
-        for _ in range(self.rounds):
-            B = self.read_off(grid, B, samples, lit, n[some.to(L.device)])
+        return Tabulated(B, Grid.under(L, self.half, self.difference), self.smooth)
 
-            def model(n: Tensor, B: Tensor = B) -> Tensor:
-                return shade(grid.look_up(B, n), cosines(n, L).clamp(min=1e-4))
 
-            for s in blocks(I.shape[0], I.shape[1], L.device):
-                n[s], loss[s] = self.refinement(model, I[s].to(L), keep[s].to(L.device), n[s])
-        return n, loss
+@dataclass(frozen=True)
+class Tabulated:
+    """The reflectance B(theta_h, theta_d)."""
 
-    def read_off(
-        self,
-        grid: Grid,
-        B: Float[Tensor, "k m"],
-        I: Float[Tensor, "q n"],
-        keep: Bool[Tensor, "q n"],
-        n: Float[Tensor, "q 3"],
-    ) -> Float[Tensor, "k m"]:
+    B: Float[Tensor, "k m"]
+    grid: Grid
+    smooth: tuple[float, float]
+
+    def model(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
+    ) -> Callable[[Tensor], Tensor]:
+        """B n.l as a function of the normals."""
+        return lambda n: shade(self.grid.look_up(self.B, n), cosines(n, self.grid.L).clamp(min=1e-4))
+
+    def fitted(self, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]) -> Tabulated:
         """The smooth table that explains the samples I best, given normals; albedos are found in turn, three times."""
+        B, grid = self.B, self.grid
         cos = cosines(n, grid.L)
         w = keep * (cos > 0.05)
         weight = grid.sums(n, w * cos**2)
@@ -103,7 +72,7 @@ class Table:
             B = smoothed(total, self.smooth) / smoothed(weight, self.smooth).clamp(min=1e-9)
             B = filled(B, weight > 1e-5 * weight.max())
             B = (B / B.median()).clamp(min=1e-3)
-        return B
+        return replace(self, B=B)
 
 
 @dataclass(frozen=True)

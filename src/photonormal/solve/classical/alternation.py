@@ -1,0 +1,82 @@
+"""One reflectance for the whole object and one normal for each pixel, found in turn: what `table` and `ward` share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.solve.classical.monotonic import Monotonic
+from photonormal.solve.classical.ransac import Ransac
+from photonormal.solve.classical.refine import Refinement
+from photonormal.solve.observations import blocks, every_pixel, grey_levels, lit, on_mask, some_pixels
+from photonormal.types import Capture, Normals
+
+
+@runtime_checkable
+class Reflectance(Protocol):
+    """What an object is made of, under given lights."""
+
+    def fitted(self, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]) -> Reflectance:
+        """The reflectance that explains the samples to `keep` best, given normals."""
+        ...
+
+    def model(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
+    ) -> Callable[[Tensor], Tensor]:
+        """Radiance (p, n) of some pixels as a function of their normals (p, 3), to scale; `n` are their normals now."""
+        ...
+
+
+@dataclass(frozen=True)
+class Alternation:
+    """The reflectance is fitted to some pixels, then all normals are refined under it, in turn.
+
+    That is done from two starts, one that is right on matt surfaces and one that is right on metal; each pixel keeps
+    the answer that explains it better.
+
+    Parameters
+    ----------
+    sample : pixels that the reflectance is fitted to
+    rounds : of fitting, then refining
+    matt, metal : give the two starts
+    refinement : of the normals
+    """
+
+    sample: int
+    rounds: int
+    matt: Ransac = field(default=Ransac(triplets=60))
+    metal: Monotonic = field(default=Monotonic())
+    refinement: Refinement = field(default=Refinement())
+
+    def __call__(self, first: Callable[[Tensor], Reflectance], capture: Capture, device: torch.device) -> Normals:
+        """Normals of a capture; `first` maps lights to the reflectance to begin with."""
+        I = grey_levels(capture)  # (p, n)
+        keep = lit(I)
+        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)
+        (n, loss), (n_metal, loss_metal) = (
+            self.refine(first(L), I, keep, L, every_pixel(start.fit, I, keep, L)) for start in (self.matt, self.metal)
+        )
+        return on_mask(torch.where(loss_metal < loss, n_metal, n).cpu(), capture)
+
+    def refine(
+        self,
+        reflectance: Reflectance,
+        I: Float[Tensor, "p n"],
+        keep: Bool[Tensor, "p n"],
+        L: Float[Tensor, "n 3"],
+        n: Float[Tensor, "p 3"],
+    ) -> tuple[Float[Tensor, "p 3"], Float[Tensor, "p 1"]]:
+        """Normals, from those of one start, and their loss; computed where the lights are."""
+        loss = torch.zeros_like(n[:, :1])
+        some = some_pixels(I.shape[0], self.sample)
+        for _ in range(self.rounds):
+            reflectance = reflectance.fitted(I[some].to(L), keep[some].to(L.device), n[some.to(L.device)])
+            for s in blocks(I.shape[0], I.shape[1], L.device):
+                block, kept = I[s].to(L), keep[s].to(L.device)
+                n[s], loss[s] = self.refinement(reflectance.model(block, kept, n[s]), block, kept, n[s])
+        return n, loss

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines, half_vectors
+from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse, symmetric_product
 from photonormal.solve.observations import at_least, normalised, per_lit_pixel
@@ -40,13 +40,15 @@ class Bipolynomial:
         at_least(6, capture, "bipolynomial")
         return per_lit_pixel(self.fit, capture, device, torch.float64)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         n = self.window.fit(I, keep, L)
         w = (keep & self.window.window(I, keep)).to(I.dtype)  # (p, n)
         I = I * (w.sum(1, keepdim=True) / (w * I).sum(1, keepdim=True).clamp(min=1e-12))
         H = half_vectors(L)
-        y = (1 - (L * H).sum(-1))[..., None]  # (n, 1)
+        y = (1 - (L * H).sum(-1))[..., None]  # (*l, n, 1)
         i, j = torch.meshgrid(*2 * [torch.arange(self.degree + 1, device=L.device)], indexing="ij")
         i, j = i.flatten(), j.flatten()  # the m terms
         ridge = self.ridge * (i + j > 0) + 1e-9
@@ -59,6 +61,6 @@ class Bipolynomial:
             G = G + torch.diag_embed(ridge * G[:, :1, 0].clamp(min=1e-9))
             C = torch.linalg.solve(G, (F * I[..., None]).sum(1))  # (p, m)
             rho = (terms @ C[..., None])[..., 0].clamp(min=1e-3)
-            A, fixed = symmetric_inverse((w * rho**2) @ pairs(L))  # I = rho l.b
-            n = torch.where(fixed, normalised(symmetric_product(A, (w * rho * I) @ L)), n)
+            A, fixed = symmetric_inverse(over_lights(w * rho**2, pairs(L)))  # I = rho l.b
+            n = torch.where(fixed, normalised(symmetric_product(A, over_lights(w * rho * I, L))), n)
         return n

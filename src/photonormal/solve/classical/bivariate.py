@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines
+from photonormal.shading import cosines, over_lights
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse
@@ -49,7 +49,9 @@ class Bivariate:
         at_least(6, capture, "bivariate")
         return per_lit_pixel(self.fit, capture, device, torch.float64)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         start = self.start.fit(I, keep, L)
         keep = keep & self.window.window(I, keep)
@@ -58,10 +60,10 @@ class Bivariate:
         w = keep.to(I.dtype) / (1 + (lambertian_residual(I, keep, cosines(start, L)) / 0.2) ** 2)
         n = start
         for _ in range(self.rounds):
-            A, fixed = symmetric_inverse(w @ pairs(L))  # of L'wL
+            A, fixed = symmetric_inverse(over_lights(w, pairs(L)))  # of L'wL
             A = A[:, SIX_TO_NINE].unflatten(1, (3, 3))
             wPhi = w[..., None] * Phi
-            LPhi = L.T @ wPhi  # (p, 3, m)
+            LPhi = L.transpose(-1, -2) @ wPhi  # (p, 3, m)
             G = wPhi.transpose(1, 2) @ Phi - LPhi.transpose(1, 2) @ A @ LPhi  # of |L n - Phi d|^2 with the best n
             G = G / (wPhi * Phi).sum((1, 2)).div(Phi.shape[2]).clamp(min=1e-12)[:, None, None] + bend
             d = nonnegative_minimum(G, torch.ones_like(G[..., 0]))  # (p, m), up to scale
@@ -72,11 +74,12 @@ class Bivariate:
         return n
 
     def basis(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
     ) -> Float[Tensor, "p n m"]:
         """(sum_{i>=k} B_i(y)) B_j(x): y is I over the pixel's brightest sample to `keep`, x is v.l from 0 to 1."""
         y = (I / (I * keep).amax(1, keepdim=True).clamp(min=1e-12)).clamp(max=1)
-        x = (L[:, 2] - L[:, 2].min()) / (L[:, 2].max() - L[:, 2].min()).clamp(min=1e-12)
+        low, high = L[..., 2].amin(-1, keepdim=True), L[..., 2].amax(-1, keepdim=True)
+        x = (L[..., 2] - low) / (high - low).clamp(min=1e-12)  # (*l, n)
         B = bernstein(y, self.degree_intensity)
         growing = [torch.stack(B[k:]).sum(0) for k in range(1, len(B))]
         return torch.stack([g * b for g in growing for b in bernstein(x, self.degree_light)], dim=-1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 
 import torch
@@ -18,6 +18,7 @@ from photonormal.solve.observations import (
     blocks,
     every_pixel,
     grey_levels,
+    lights_of,
     lit,
     on_mask,
     some_pixels,
@@ -55,32 +56,36 @@ class Table:
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(10, capture, "table")
         I = grey_levels(capture)  # (p, n)
-        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)
+        L = lights_of(capture, device)
         return on_mask(self.fit(I, lit(I), L).cpu(), capture)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals of a whole object from the samples to `keep`; computed where the lights are."""
         answers = [self.refine(I, keep, L, start) for start in (self.matt, self.metal)]
         (n, loss), (n_metal, loss_metal) = answers
         return torch.where(loss_metal < loss, n_metal, n)
 
     def refine(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], start: Ransac | Monotonic
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"], start: Ransac | Monotonic
     ) -> tuple[Float[Tensor, "p 3"], Float[Tensor, "p 1"]]:
         """Normals from one start, and their loss."""
         n = every_pixel(start.fit, I, keep, L)
         loss = torch.zeros_like(n[:, :1])
         some = some_pixels(I.shape[0], self.sample)
         samples, lit = I[some].to(L), keep[some].to(L.device)
+        some = some.to(L.device)
         grid = Grid.under(L, self.half, self.difference)
         B = torch.ones(self.half + 1, self.difference, device=L.device)
         for _ in range(self.rounds):
-            B = self.read_off(grid, B, samples, lit, n[some.to(L.device)])
-
-            def model(n: Tensor, B: Tensor = B) -> Tensor:
-                return shade(grid.look_up(B, n), cosines(n, L).clamp(min=1e-4))
-
+            B = self.read_off(grid.seen_from(some), B, samples, lit, n[some])
             for s in blocks(I.shape[0], I.shape[1], L.device):
+                seen = grid.seen_from(s)
+
+                def model(n: Tensor, B: Tensor = B, here: Grid = seen) -> Tensor:
+                    return shade(here.look_up(B, n), cosines(n, here.L).clamp(min=1e-4))
+
                 n[s], loss[s] = self.refinement(model, I[s].to(L), keep[s].to(L.device), n[s])
         return n, loss
 
@@ -110,18 +115,24 @@ class Table:
 class Grid:
     """Where the samples of given lights fall in a table over (theta_h, theta_d); theta_d depends on the light alone."""
 
-    L: Float[Tensor, "n 3"]
-    H: Float[Tensor, "n 3"]
+    L: Float[Tensor, "*l n 3"]
+    H: Float[Tensor, "*l n 3"]
     half: int  # cells over theta_h
-    column: Float[Tensor, " n"]  # with fraction
+    column: Float[Tensor, "*l n"]  # with fraction
 
     @classmethod
-    def under(cls, L: Float[Tensor, "n 3"], half: int, difference: int) -> Grid:
+    def under(cls, L: Float[Tensor, "*l n 3"], half: int, difference: int) -> Grid:
         """The grid of lights L."""
         H = half_vectors(L)
         theta_d = (L * H).sum(-1).clamp(-1, 1).acos()
         span = (theta_d.max() - theta_d.min()).clamp(min=1e-6)
         return cls(L, H, half, (theta_d - theta_d.min()) / span * (difference - 1))
+
+    def seen_from(self, some: slice | Tensor) -> Grid:
+        """The grid of some pixels."""
+        if self.L.ndim == 2:
+            return self
+        return replace(self, L=self.L[some], H=self.H[some], column=self.column[some])
 
     def rows(self, n: Float[Tensor, "p 3"]) -> Float[Tensor, "p n"]:
         """Row of each sample, with fraction: as the root of theta_h."""
@@ -131,10 +142,10 @@ class Grid:
     def look_up(self, B: Float[Tensor, "k m"], n: Float[Tensor, "p 3"]) -> Float[Tensor, "p n"]:
         """The table's value for each sample, bilinear."""
         j = self.column.floor().clamp(max=B.shape[1] - 2).long()
-        of_light = torch.lerp(B[:, j], B[:, j + 1], self.column - j)  # (k, n)
         row = self.rows(n)
         i = row.floor().clamp(max=self.half - 1).long()
-        return torch.lerp(of_light.gather(0, i), of_light.gather(0, i + 1), row - i)
+        low, high = (torch.lerp(B[k, j], B[k, j + 1], self.column - j) for k in (i, i + 1))
+        return torch.lerp(low, high, row - i)
 
     def sums(self, n: Float[Tensor, "p 3"], values: Float[Tensor, "p n"]) -> Float[Tensor, "k m"]:
         """Sums of the samples' values in the nearest cells."""

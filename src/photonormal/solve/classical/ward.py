@@ -19,8 +19,10 @@ from photonormal.solve.observations import (
     blocks,
     every_pixel,
     grey_levels,
+    lights_of,
     lit,
     on_mask,
+    seen_from,
     some_pixels,
 )
 from photonormal.types import Capture, Normals
@@ -61,17 +63,19 @@ class Ward:
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(10, capture, "ward")
         I = grey_levels(capture)  # (p, n)
-        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)
+        L = lights_of(capture, device)
         return on_mask(self.fit(I, lit(I), L).cpu(), capture)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals of a whole object from the samples to `keep`; computed where the lights are."""
         answers = [self.refine(I, keep, L, start) for start in (self.matt, self.metal)]
         (n, loss), (n_metal, loss_metal) = answers
         return torch.where(loss_metal < loss, n_metal, n)
 
     def refine(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], start: Ransac | Monotonic
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"], start: Ransac | Monotonic
     ) -> tuple[Float[Tensor, "p 3"], Float[Tensor, "p 1"]]:
         """Normals from one start, and their loss."""
         n = every_pixel(start.fit, I, keep, L)
@@ -84,19 +88,19 @@ class Ward:
             L.new_tensor(self.roughness).log(),
         )
         for _ in range(self.rounds):
-            materials = fitted(materials, samples, lit, n[some.to(L.device)], L)
+            materials = fitted(materials, samples, lit, n[some.to(L.device)], seen_from(L, some.to(L.device)))
             for s in blocks(I.shape[0], I.shape[1], L.device):
-                block, kept = I[s].to(L), keep[s].to(L.device)
-                gamma = shares(radiance(materials, n[s], L), block, kept.to(L.dtype))
+                block, kept, seen = I[s].to(L), keep[s].to(L.device), seen_from(L, s)
+                gamma = shares(radiance(materials, n[s], seen), block, kept.to(L.dtype))
 
-                def model(n: Tensor, materials: Materials = materials, gamma: Tensor = gamma) -> Tensor:
-                    return (gamma[..., None] * radiance(materials, n, L)).sum(1)
+                def model(n: Tensor, L: Tensor = seen, M: Materials = materials, gamma: Tensor = gamma) -> Tensor:
+                    return (gamma[..., None] * radiance(M, n, L)).sum(1)
 
                 n[s], loss[s] = self.refinement(model, block, kept, n[s])
         return n, loss
 
 
-def radiance(materials: Materials, n: Float[Tensor, "p 3"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p m n"]:
+def radiance(materials: Materials, n: Float[Tensor, "p 3"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "p m n"]:
     """n.l f_m of each material."""
     rho_d, rho_s, alpha = (x.exp()[:, None] for x in materials)  # (m, 1)
     cos = cosines(n, L).clamp(min=1e-3)[:, None]  # (p, 1, n)
@@ -123,7 +127,7 @@ def fitted(
     I: Float[Tensor, "q n"],
     w: Float[Tensor, "q n"],
     n: Float[Tensor, "q 3"],
-    L: Float[Tensor, "n 3"],
+    L: Float[Tensor, "*l n 3"],
 ) -> Materials:
     """Materials that explain the samples best, given normals: gradient descent with shares found anew at each step."""
     root = (I / ((I * w).sum(1, keepdim=True) / w.sum(1, keepdim=True).clamp(min=1)).clamp(min=1e-9)).sqrt()

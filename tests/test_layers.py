@@ -14,7 +14,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "progress": set(),
     "capture": BASE,
     "calibrate": BASE,
-    "solve": BASE,
+    "solve": BASE | {"integrate"},  # under near lamps normals need depth
     "integrate": BASE,
     "score": BASE,
     "export": BASE,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photonormal.types import Capture, InputError, Normals, Surface, cores, unit_lights
+from photonormal.types import Camera, Capture, InputError, Lamps, Normals, Surface, cores, unit_lights
 from tests.capture.files import LIGHTS, MASK, refusal
 
 IMAGES = np.zeros((4, 24, 30, 3), np.float32)
@@ -109,3 +109,45 @@ def test_an_input_error_is_one_line_and_a_value_error():
 
 def test_there_is_a_core():
     assert cores() >= 1
+
+
+class TestLamps:
+    CAMERA = Camera(2.0)
+    S = np.array([[0, 0, 300], [200, 0, 200], [0, 200, 200], [-150, -150, 200]], float)
+    K = np.array([[100.0, 0, 14.5], [0, 100, 9.5], [0, 0, 1]])
+
+    def capture(self, positions_mm=S, camera: Camera | None = CAMERA) -> Capture:
+        images, mask = np.ones((4, 20, 30, 1), np.float32), np.ones((20, 30), bool)
+        return Capture(images, mask, lamps=Lamps(positions_mm), camera=camera, image_names=("a", "b", "c", "d"))
+
+    def test_are_seen_from_the_object_s_middle(self):
+        lights = self.S / np.linalg.norm(self.S, axis=1, keepdims=True)
+        np.testing.assert_allclose(self.capture().known_lights(), lights, atol=1e-12)
+        seen = self.capture(self.S - [0, 0, 200], Camera(2.0, self.K))  # the object is 200 mm in front of the camera
+        np.testing.assert_allclose(seen.known_lights(), lights, atol=1e-12)
+
+    def test_pixels_in_millimetres(self):
+        X = Camera(2.0).points_mm(np.array([[1.0, np.nan, 0], [0, 0, 0]]))
+        np.testing.assert_allclose(X[0], [[-2, 1, 2], [0, 1, 0], [2, 1, 0]])
+        X = Camera(2.0, np.array([[10.0, 0, 1], [0, 10, 0], [0, 0, 1]])).points_mm(np.array([[1, np.nan, 1.5]] * 2))
+        np.testing.assert_allclose(X[0], [[-2, 0, -20], [0, 0, -20], [3, 0, -30]])
+        np.testing.assert_allclose(X[1, 1], [0, -2, -20])
+
+    @pytest.mark.parametrize(
+        ("positions_mm", "camera", "said"),
+        [
+            (S / 1000, CAMERA, "multiply the positions by 1000, since they look like metres"),
+            (S * [[0.1], [1], [1], [1]], CAMERA, "the lamp of a is 30 mm from the middle of an object"),
+            (S[:3], CAMERA, "3 lamps came for 4 images"),
+            (S, None, "--mm-per-px"),
+            (S[:, :2], CAMERA, "(4, 2)"),
+            (S + np.nan, CAMERA, "finite"),
+        ],
+    )
+    def test_refused(self, positions_mm, camera, said):
+        assert said in refusal(self.capture, positions_mm, camera)
+
+    def test_axes_and_exponents_are_checked(self):
+        assert "axes" in refusal(Lamps, self.S, axes=np.zeros((4, 3)))
+        assert "mu" in refusal(Lamps, self.S, mu=-np.ones(4))
+        assert "mm wide" in refusal(Camera, 0.0)

@@ -21,7 +21,7 @@ from photonormal.geometry import in_frame
 from photonormal.integrate import integrate
 from photonormal.progress import progress
 from photonormal.score import colours, error_picture, score
-from photonormal.solve import DEFAULT, configure
+from photonormal.solve import DEFAULT, configure, run
 from photonormal.types import Capture, Normals, cores
 
 GREY_PIXELS, FRAME_PIXELS = 2_000, 20_000  # that suffice to tell a wrong order and a wrong frame of the lights
@@ -93,7 +93,7 @@ def measure(
             from photonormal.solve.observations import torch_device
 
             where = torch_device(device)
-            normals = solver(photographs, where)
+            normals = run(solver, photographs, where)
         with _stage("albedo", seconds), progress("albedo"):
             from photonormal.solve.albedo import lambertian_albedo
 
@@ -101,6 +101,8 @@ def measure(
         surface = None
         if mesh:
             with _stage("integrate", seconds), progress(f"depth by {integration}"):
+                if K is None and photographs.camera is not None:
+                    K = photographs.camera.K
                 surface = integrate(normals, integration, K=K)
         with _stage("export", seconds), progress("writing"):
             _export(folder, photographs, normals, albedo, surface, normals_frame)
@@ -118,6 +120,7 @@ def measure(
             "device": str(where),
             "images": list(photographs.image_names),
             "lights": photographs.images.shape[0],
+            "light": "distant" if photographs.lamps is None else "near",
             "pixels": {"mask": int(photographs.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
             "samples": asdict(exposure),
             "seconds": seconds,
@@ -162,8 +165,8 @@ def _read(capture: Capture) -> tuple[Exposure, np.ndarray]:
 
 
 def _disagreements(capture: Capture, grey: np.ndarray, normals: Normals) -> list[str]:
-    """What the doctor finds gravely wrong with the lights, on a grid of the normals' pixels."""
-    if capture.lights is None:
+    """What the doctor finds gravely wrong with the lights, on a grid of the normals' pixels; it knows distant ones."""
+    if capture.lights is None or capture.lamps is not None:
         return []
     from photonormal.check.lights import grave
 

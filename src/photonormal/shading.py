@@ -1,7 +1,8 @@
-"""The image-formation equation, stated once: I = e rho(n, l, v) max(n.l, 0).
+"""The image-formation equation, stated once: I = e rho(n, l, v) max(n.l, 0), with e cos^mu / r^2 for a near lamp's e.
 
 The renderer builds images with it, the solvers invert it and the tests check both against it. Torch tensors on any
 device; leading dimensions broadcast. The view is v = (0, 0, 1); `e` = 1, since images are divided by it on reading.
+Lights are (..., n, 3) for all pixels, or (..., p, n, 3) where each pixel sees them elsewhere.
 """
 
 from __future__ import annotations
@@ -12,9 +13,36 @@ from torch import Tensor
 LUMA = (0.298936, 0.587043, 0.114021)  # red, green, blue: the grey level of every published classical figure
 
 
+def over_lights(w: Float[Tensor, "*p m"], M: Float[Tensor, "*n m k"]) -> Float[Tensor, "*p k"]:
+    """sum_j w_j M_j at each pixel, for M (..., m, k) that all pixels share or (..., p, m, k) that they don't."""
+    return w @ M if M.ndim <= w.ndim else (w[..., None, :] @ M)[..., 0, :]
+
+
 def cosines(N: Float[Tensor, "*p 3"], L: Float[Tensor, "*n 3"]) -> Float[Tensor, "*pn"]:
-    """n.l for each normal (..., p, 3) and each light (..., n, 3): (..., p, n), negative where a surface looks away."""
-    return N @ L.transpose(-1, -2)
+    """n.l for each normal (..., p, 3) and each light: (..., p, n), negative where a surface looks away."""
+    return over_lights(N, L.transpose(-1, -2))
+
+
+def towards(
+    X: Float[Tensor, "*b p 3"], S: Float[Tensor, "*b n 3"]
+) -> tuple[Float[Tensor, "*b p n 3"], Float[Tensor, "*b p n"]]:
+    """Unit vectors from points to lamps, and their distances."""
+    d = S[..., None, :, :] - X[..., :, None, :]
+    r = d.norm(dim=-1)
+    return d / r[..., None], r
+
+
+def fall_off(
+    L: Float[Tensor, "*b p n 3"],
+    r: Float[Tensor, "*b p n"],
+    axes: Float[Tensor, "*b n 3"] | None = None,
+    mu: Float[Tensor, "*b n"] | None = None,
+) -> Float[Tensor, "*b p n"]:
+    """cos^mu / r^2: light that arrives from lamps, each of which shines most along its axis (None: evenly)."""
+    if axes is None or mu is None:
+        return r**-2
+    cos = -(L * axes[..., None, :, :]).sum(-1)
+    return cos.clamp(min=0) ** mu[..., None, :] / r**2
 
 
 def half_vectors(L: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:

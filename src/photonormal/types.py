@@ -1,8 +1,9 @@
-"""The three values that pass between stages, and the only checks of them.
+"""The values that pass between stages, and the only checks of them.
 
 Frame, everywhere: x right, y up, z towards the camera; orthographic view v = (0, 0, 1). Light directions point from the
 surface to the light. Images are linear radiance divided by the intensity of the light, per channel. Row 0 of an array
-is the top of the picture, so y runs against the row index.
+is the top of the picture, so y runs against the row index. Positions are in millimetres, `_mm` in the name; their
+origin is the camera in a perspective view, else the middle of the picture at the object's mean depth.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -34,6 +35,7 @@ class InputError(ValueError):
         super().__init__(" ".join(message.splitlines()))  # names of files may hold line breaks
 
 
+@runtime_checkable
 class Images(Protocol):
     """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for."""
 
@@ -44,14 +46,102 @@ class Images(Protocol):
 
 
 @dataclass(frozen=True)
+class Camera:
+    """Where a pixel's surface lies in millimetres.
+
+    Parameters
+    ----------
+    mm_per_px : side of a pixel at the object's mean depth
+    K : (3, 3) camera matrix in pixels (x right, y down, the first pixel's centre at (0, 0)) of a perspective view;
+        the mean depth is then K[0, 0] mm_per_px. None: an orthographic view
+    """
+
+    mm_per_px: float
+    K: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mm_per_px) and self.mm_per_px > 0):
+            raise InputError(f"a pixel is {self.mm_per_px} mm wide but a length above 0 is needed; measure one.")
+
+    def points_mm(self, depth: DepthMap) -> Float[np.ndarray, "h w 3"]:
+        """Positions, from depth as `Surface` has it; unknown depth (NaN) counts as the mean."""
+        h, w = depth.shape
+        if self.K is None:
+            y, x = np.mgrid[:h, :w]
+            return self.mm_per_px * np.stack([x - (w - 1) / 2, (h - 1) / 2 - y, np.nan_to_num(depth, nan=0)], axis=-1)
+        return self.K[0, 0] * self.mm_per_px * np.nan_to_num(depth, nan=1)[..., None] * self.rays(h, w)
+
+    def rays(self, h: int, w: int) -> Float[np.ndarray, "h w 3"]:
+        """From the camera to each pixel's surface, of length one along the optical axis."""
+        y, x = np.mgrid[:h, :w]
+        if self.K is None:
+            return np.broadcast_to([0.0, 0.0, -1.0], (h, w, 3))
+        return np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(self.K).T * [1, -1, -1]
+
+    def flat_mm(self, mask: Mask) -> Float[np.ndarray, "p 3"]:
+        """Positions of the mask's pixels on a plane at the object's mean depth."""
+        return self.points_mm(np.full(mask.shape, np.nan))[mask]
+
+
+@dataclass(frozen=True)
+class Lamps:
+    """`n` small lights whose distance from the object matters.
+
+    Lamp j lights a point at distance r and at an angle a off its axis by (r0 / r)^2 cos^mu(a), where r0 is the mean
+    distance of all lamps from the object's middle. What images were divided by are the lamps' own intensities.
+
+    Parameters
+    ----------
+    positions_mm : (n, 3)
+    axes : (n, 3), any length but zero, where each lamp shines most; kept as unit vectors. None: towards -z
+    mu : (n,) exponents of the fall-off from the axes, at least 0; 1 is a Lambertian lamp. None: 0, evenly to all sides
+    """
+
+    positions_mm: np.ndarray
+    axes: np.ndarray = None  # pyright: ignore[reportAssignmentType]
+    mu: np.ndarray = None  # pyright: ignore[reportAssignmentType]
+
+    def __post_init__(self) -> None:
+        S = np.asarray(self.positions_mm, np.float64)
+        if S.ndim != 2 or S.shape[1] != 3 or not np.isfinite(S).all():
+            raise InputError(f"the lamps' positions are {S.shape} but finite (n, 3) are needed; give millimetres.")
+        n = len(S)
+        axes = np.tile([0.0, 0, -1], (n, 1)) if self.axes is None else np.asarray(self.axes, np.float64)
+        mu = np.zeros(n) if self.mu is None else np.asarray(self.mu, np.float64)
+        length = np.linalg.norm(axes, axis=-1, keepdims=True)
+        if (
+            axes.shape != (n, 3)
+            or mu.shape != (n,)
+            or not (np.isfinite(length) & (length > 0)).all()
+            or not (mu >= 0).all()
+        ):
+            raise InputError(
+                f"the lamps' axes are {axes.shape} and mu {mu.shape} but ({n}, 3), none of them zero, and ({n},), none "
+                "below 0, are needed; correct them."
+            )
+        for name, value in {"positions_mm": S, "axes": axes / length, "mu": mu}.items():
+            object.__setattr__(self, name, value)
+
+    def __getitem__(self, chosen: Sequence[int]) -> Lamps:
+        """Some of the lamps."""
+        some = list(chosen)
+        return Lamps(self.positions_mm[some], self.axes[some], self.mu[some])
+
+
+@dataclass(frozen=True)
 class Capture:
-    """One view of an object under `n` distant lights.
+    """One view of an object under `n` lights: distant ones, or `lamps` near it.
 
     Parameters
     ----------
     images : (n, h, w, c), c is 1 or 3; an array, or an object that decodes the pictures one by one
     mask : (h, w) bool, True on the object
-    lights : (n, 3), any length but zero; kept as unit vectors. None: unknown
+    lights : (n, 3), any length but zero; kept as unit vectors. None: unknown. Of `lamps`, as seen from the object's
+        middle, whatever is given
+    lamps : where the lights are, if they are near; needs `camera`
+    camera : what a pixel is in millimetres
+    lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ; then
+        the images hold no fall-off (`photonormal.solve.near` makes such captures)
     truth : the true normals, where they are known
     saturation : (n, c) radiance at which a sample of each image is saturated. None: not known
     name : what reports call the capture
@@ -61,12 +151,15 @@ class Capture:
     ------
     InputError
         If sizes disagree, fewer than three images came, the mask is empty, a light is zero, not finite, or the lights
-        do not span three dimensions.
+        do not span three dimensions; if a lamp is inside the object, or there is no camera to place it.
     """
 
     images: Images
     mask: np.ndarray
     lights: np.ndarray | None = None
+    lamps: Lamps | None = None
+    camera: Camera | None = None
+    lights_at: np.ndarray | None = field(default=None, repr=False)
     truth: Normals | None = None
     saturation: np.ndarray | None = field(default=None, repr=False)
     name: str = "capture"
@@ -90,6 +183,9 @@ class Capture:
             object.__setattr__(self, "image_names", tuple(f"image {j + 1}" for j in range(n)))
         if len(self.image_names) != n:
             raise InputError(f"{len(self.image_names)} names came for {n} images; give one for each or none.")
+        if self.lamps is not None:
+            middle = _from_the_middle(self.lamps, self.camera, self.mask, self.image_names)
+            object.__setattr__(self, "lights", middle)
         if self.lights is not None:
             object.__setattr__(self, "lights", unit_lights(self.lights, self.image_names))
         if self.truth is not None and self.truth.map.shape != (h, w, 3):
@@ -197,6 +293,28 @@ def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
         raise InputError(
             f"the {n} lights lie in one plane (condition number {condition:.3g}, at most {COPLANAR:.0f} is usable); "
             "add lights from other sides."
+        )
+    return L
+
+
+def _from_the_middle(lamps: Lamps, camera: Camera | None, mask: Mask, names: Sequence[str]) -> Float[np.ndarray, "n 3"]:
+    """Vectors (n, 3) in mm from the object's middle to the lamps; InputError where they can't be such."""
+    if len(lamps.positions_mm) != len(names):
+        raise InputError(
+            f"{len(lamps.positions_mm)} lamps came for {len(names)} images; give one position for each, in order."
+        )
+    if camera is None:
+        raise InputError("lamps came without a camera but their millimetres need a scale; give --mm-per-px.")
+    X = camera.flat_mm(mask)
+    L = lamps.positions_mm - X.mean(0)
+    r, radius = np.linalg.norm(L, axis=1), float(np.linalg.norm(X - X.mean(0), axis=1).max())
+    nearest = int(r.argmin())
+    if r[nearest] < max(radius, camera.mm_per_px):
+        metres = np.median(r) < radius and 1000 * np.median(r) > 2 * radius
+        raise InputError(
+            f"the lamp of {names[nearest]} is {r[nearest]:.3g} mm from the middle of an object {2 * radius:.3g} mm "
+            "wide, inside it, but lamps around it, in millimetres, are needed; "
+            + ("multiply the positions by 1000, since they look like metres." if metres else "correct it or the scale.")
         )
     return L
 

@@ -1,5 +1,7 @@
 """Facts that hold for any network that measures a capture: here networks of random weights on a rendered sphere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -144,6 +146,15 @@ def test_expected_errors_come_with_the_normals():
     assert np.allclose(expected[whole.mask], tiled.expected_error_deg[whole.mask], rtol=0.01)
     assert (turned.expected_error_deg[whole.mask] > 0).all()
     assert measure(network("psfcn"), capture, CPU).expected_error_deg is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_pixels_that_see_the_lights_where_all_do_get_the_same_normals(kind):
+    capture, _ = sphere(n=5, size=50)
+    each = np.tile(capture.known_lights().astype(np.float32), (int(capture.mask.sum()), 1, 1))
+    net = network(kind)
+    a, b = (measure(net, c, CPU, rotations=4, tile=30) for c in (capture, replace(capture, lights_at=each)))
+    assert apart_deg(a, b) < 0.05
 
 
 def test_pixels_that_no_light_reached_have_no_normal():

@@ -6,7 +6,7 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from photonormal.synth.shadows import horizon
+from photonormal.synth.shadows import horizon, reached
 
 S = 64
 PIXELS = torch.arange(S * S)[None].int()
@@ -82,3 +82,27 @@ def test_nothing_casts_no_shadow_and_a_light_overhead_none_either():
     height = torch.zeros(S, S)
     height[:, :20] = 15
     assert visibility(height, torch.tensor([0.0, 0.0, 1.0])).min() == 1
+
+
+@pytest.mark.parametrize("turns", [0, 1])
+def test_a_lamp_s_shadow_is_as_long_as_similar_triangles_say(turns):
+    height = torch.zeros(S, S)
+    height[:, :32] = 12  # its edge is at x = 0; a lamp 20 to the left of it and 48 up
+    lamp = torch.tensor([-20.0, 0, 48])
+    if turns:
+        height, lamp = torch.rot90(height), torch.tensor([0, -20.0, 48])
+    y, x = (S - 1) / 2 - PIXELS // S, PIXELS % S - (S - 1) / 2
+    X = torch.stack([x, y, height.flatten()[None]], -1).float()
+    v = reached(height[None], X, torch.zeros(1, 1), lamp[None, None])[0, 0].view(S, S)
+    shadow = torch.rot90(v, -turns)[S // 2, 32:] < 0.5
+    assert shadow.sum() == pytest.approx(12 * 20 / (48 - 12), abs=1.1)
+    assert shadow[: int(shadow.sum())].all()
+
+
+def test_lamps_far_away_cast_the_shadows_of_distant_lights():
+    torch.manual_seed(0)
+    height = 20 * F.interpolate(torch.rand(1, 1, 6, 6), size=(S, S), mode="bicubic")[0, 0]
+    L = torch.stack([light(30, 30), light(200, 45), light(100, 70)])
+    X = torch.stack([PIXELS % S - (S - 1) / 2, (S - 1) / 2 - PIXELS // S, height.flatten()[None]], -1).float()
+    near = reached(height[None], X, torch.zeros(1, 1), 1e5 * L[None])[0].view(-1, S, S)
+    assert (near - visibility(height, *L)).abs().mean() < 0.02

@@ -158,13 +158,14 @@ def _predict(
 ) -> None:
     """One method on one selection, measured and stored."""
     from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
+    from photonormal.solve import run
     from photonormal.solve.observations import torch_device
 
     where = torch_device(device)
     solver, part = entry.solver(), selected(capture, selection)
     reset_peak()
     start = time.perf_counter()
-    normals = solver(part, where)
+    normals = run(solver, part, where)
     seconds = {"solve": round(time.perf_counter() - start, 4)}
     if selection.protocol == "all":
         seconds["read"] = read

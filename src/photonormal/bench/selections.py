@@ -137,6 +137,7 @@ def selected(capture: Capture, selection: Selection) -> Capture:
         capture,
         images=Chosen(capture.images, selection.images),
         lights=None if capture.lights is None else capture.lights[chosen],
+        lamps=None if capture.lamps is None else capture.lamps[chosen],
         saturation=None if capture.saturation is None else capture.saturation[chosen],
         image_names=tuple(capture.image_names[j] for j in chosen),
     )

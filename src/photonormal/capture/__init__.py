@@ -12,6 +12,7 @@ DEMO = Path(__file__).parents[1] / "data" / "demo"  # a rendered capture with tr
 
 FORMATS = {  # name -> "module", with `matches(path)` and `read(path, choice)`; the first that matches reads
     "diligent": "photonormal.capture.diligent",
+    "luces": "photonormal.capture.luces",
     "rti": "photonormal.capture.rti",
     "blobby": "photonormal.capture.blobby",
     "cyclesps": "photonormal.capture.cyclesps",
@@ -48,7 +49,8 @@ def load(
     intensities : file with light intensities, instead of the capture's own
     dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by
     lens : calibration that OpenCV wrote, whose distortion is taken out
-    choices : `linear`, `exif_exposure`, `hot_pixels` and `frame`, see `photonormal.capture.assemble.Choice`
+    choices : `linear`, `exif_exposure`, `hot_pixels`, `frame`, and for near lights `mm_per_px`, `dome_radius_mm` and
+        `focal_px`, see `photonormal.capture.assemble.Choice`
 
     Raises
     ------

@@ -14,10 +14,10 @@ from photonormal.capture.corrections import Corrected, Lens, flat_field, hot_pix
 from photonormal.capture.decode import SUFFIXES
 from photonormal.capture.exif import declared_srgb, exposures
 from photonormal.capture.images import ImageFiles, Picture, parts, read_mask
-from photonormal.capture.lights import in_order_of, read_lights
+from photonormal.capture.lights import in_order_of, placed, read_lights
 from photonormal.capture.texts import read_intensities
 from photonormal.geometry import in_frame
-from photonormal.types import Capture, Images, InputError, Normals
+from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,9 @@ class Choice:
     hot_pixels : replace pixels that stand out of their surroundings in `dark`, or in every picture
     lens : calibration that OpenCV wrote, whose distortion is taken out
     frame : frame of the light directions, a key of photonormal.geometry.FRAMES
+    mm_per_px : side of a pixel at the object's depth; lights are then near, and their file holds positions in mm
+    dome_radius_mm : the file holds directions nevertheless, of lamps at this distance around the object's middle
+    focal_px : focal length of a camera whose perspective matters
     """
 
     images: str = ""
@@ -51,6 +54,9 @@ class Choice:
     hot_pixels: bool = False
     lens: Path | None = None
     frame: str = "opengl"
+    mm_per_px: float | None = None
+    dome_radius_mm: float | None = None
+    focal_px: float | None = None
 
 
 def assemble(
@@ -61,11 +67,13 @@ def assemble(
     intensities: np.ndarray | None = None,
     mask: Path | np.ndarray | None = None,
     truth: np.ndarray | None = None,
+    lamps: Lamps | None = None,
+    camera: Camera | None = None,
 ) -> Capture:
     """A Capture of the chosen pictures.
 
-    `lights` is (n, 3) for the n `pictures`, `intensities` (n, 1 or 3) or None (all 1), `truth` (h, w, 3) with zero or
-    NaN where unknown.
+    `lights` is (n, 3) for the n `pictures`, as written, or None where there are none or `lamps`, `intensities` (n, 1 or
+    3) or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown.
     """
     n = len(pictures)
     if not n:
@@ -103,10 +111,15 @@ def assemble(
     images, lens = corrected(files, choice)
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
+    if lamps is None:
+        h, w = files.shape[1:3]
+        lamps, camera = placed(lights, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, (h, w))
     return Capture(
         images=images,
         mask=np.ones(files.shape[1:3], bool) if mask is None else mask,
         lights=None if lights is None else lights[chosen],
+        lamps=None if lamps is None else lamps[chosen],
+        camera=camera,
         truth=None if truth is None else known_normals(truth),
         saturation=files.saturation,
         name=name,

@@ -6,7 +6,8 @@ An `.lp` file is a count, then a picture's name and its light's direction in eac
     DSC 0001.jpg 0.34 -0.20 0.92
     ...
 
-Vectors need not be unit and may have decimal commas. Frame: x right, y up, z to the camera.
+Vectors need not be unit and may have decimal commas. Frame: x right, y up, z to the camera. With a scale they are
+positions in mm (`placed`).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.texts import number, read_directions, read_lines, read_named
-from photonormal.types import InputError
+from photonormal.types import Camera, InputError, Lamps
 
 
 def read_lights(path: Path) -> tuple[list[str], np.ndarray]:
@@ -77,6 +78,45 @@ def in_order_of(pictures: Sequence[str], names: list[str], lights: np.ndarray, p
             f"{path} has no light for {absent[0]} but for other pictures of the capture; add it or remove that picture."
         )
     return lights[[row[p] for p in pictures]]
+
+
+def placed(
+    lights: np.ndarray | None,
+    mm_per_px: float | None,
+    dome_radius_mm: float | None,
+    focal_px: float | None,
+    shape: tuple[int, int],
+) -> tuple[Lamps | None, Camera | None]:
+    """Lamps and camera of pictures of a `shape` (rows, columns), as `assemble.Choice` says; None: lights are distant.
+
+    Positions count from the camera where a focal length is given, else from the middle of the picture.
+    """
+    if mm_per_px is None:
+        for option, value in (("--dome-radius-mm", dome_radius_mm), ("--focal-px", focal_px)):
+            if value is not None:
+                raise InputError(
+                    f"{option} {value:g} came without --mm-per-px but near lights need the scale; add how many "
+                    "millimetres a pixel is wide on the object."
+                )
+        return None, None
+    for option, value in (("--dome-radius-mm", dome_radius_mm), ("--focal-px", focal_px)):
+        if value is not None and not 0 < value < np.inf:
+            raise InputError(f"{option} is {value:g} but a length above 0 is needed; correct it.")
+    if lights is None:
+        raise InputError("--mm-per-px came but no lights; name a file with their positions in mm with --lights.")
+    h, w = shape
+    K = None if focal_px is None else np.array([[focal_px, 0, (w - 1) / 2], [0, focal_px, (h - 1) / 2], [0, 0, 1]])
+    camera = Camera(mm_per_px, K)
+    length = np.linalg.norm(lights, axis=1)
+    if dome_radius_mm is not None:
+        distance_mm = 0.0 if focal_px is None else focal_px * mm_per_px
+        return Lamps(dome_radius_mm * lights / np.maximum(length, 1e-300)[:, None] - [0, 0, distance_mm]), camera
+    if (np.abs(length - 1) < 0.02).all():
+        raise InputError(
+            "--mm-per-px came but the lights are unit vectors, while positions in mm are needed; give their distance "
+            "with --dome-radius-mm, or leave --mm-per-px out."
+        )
+    return Lamps(lights), camera
 
 
 def last_part(name: str) -> str:

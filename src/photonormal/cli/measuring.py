@@ -44,6 +44,12 @@ class Photographs:
     """Replace pixels that stand out of their surroundings in the dark picture, or in all photographs."""
     lens: Path | None = None
     """Lens calibration that OpenCV wrote (.yml), whose distortion is taken out."""
+    mm_per_px: float | None = None
+    """Millimetres that a pixel is wide on the object: lights are near, and their file holds positions in mm."""
+    dome_radius_mm: float | None = None
+    """Lamps are this far from the object's middle, in the directions that their file holds; with --mm-per-px."""
+    focal_px: float | None = None
+    """Focal length in pixels, for a camera near the object; with --mm-per-px."""
 
 
 Read = Annotated[Photographs, tyro.conf.arg(name="")]

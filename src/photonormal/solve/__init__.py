@@ -48,6 +48,15 @@ def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], 
     return cls(**options)
 
 
+def run(method: Callable[[Capture, torch.device], Normals], capture: Capture, device: torch.device) -> Normals:
+    """Normals by a method with its options set, whether lights are distant or near."""
+    if capture.lamps is None:
+        return method(capture, device)
+    from photonormal.solve.near import Near
+
+    return Near(method)(capture, device)
+
+
 def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **options: Any) -> Normals:
     """Normals of a capture.
 
@@ -66,4 +75,4 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     solver = configure(method, **options)
     from photonormal.solve.observations import torch_device
 
-    return solver(capture, torch_device(device))
+    return run(solver, capture, torch_device(device))

@@ -15,8 +15,16 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
 
     Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1). Highlights brighten it.
     """
+    if capture.lamps is not None:
+        from photonormal.solve.near import evened, surface_mm
+
+        capture = evened(capture, surface_mm(capture, normals))
     N = normals.map[normals.mask]  # (p, 3)
-    S = np.maximum(N @ capture.known_lights().T.astype(np.float32), 0)  # (p, n)
+    if capture.lights_at is None:
+        cos = N @ capture.known_lights().T.astype(np.float32)  # (p, n)
+    else:
+        cos = np.einsum("pi,pni->pn", N, capture.lights_at[normals.mask[capture.mask]])
+    S = np.maximum(cos, 0)
     weighted = np.zeros((len(N), capture.images.shape[3]), np.float32)
     lock = threading.Lock()
 

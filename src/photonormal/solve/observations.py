@@ -123,8 +123,8 @@ def per_pixel(
 ) -> Normals:
     """Solve a capture by a method that treats each pixel alone.
 
-    `normals` maps grey levels (p, n) and lights (n, 3) to unit normals (p, 3), zero where there is none. Blocks of
-    pixels bound the memory.
+    `normals` maps grey levels (p, n) and lights (`photonormal.shading`) to unit normals (p, 3), zero where there is
+    none. Blocks of pixels bound the memory.
     """
     return per_lit_pixel(lambda I, _, L: normals(I, L), capture, device, dtype)
 
@@ -142,7 +142,7 @@ def per_lit_pixel(
     """
     I = grey_levels(capture)  # (p, n)
     keep = lit(I)
-    L = torch.as_tensor(capture.known_lights(), dtype=dtype, device=device)
+    L = lights_of(capture, device, dtype)
     chosen = metal if metal is not None and metallic(I, keep) else fit
     return on_mask(every_pixel(chosen, I, keep, L).to("cpu", torch.float32), capture)
 
@@ -151,11 +151,22 @@ def every_pixel(
     fit: Callable[[Tensor, Tensor, Tensor], Tensor],
     I: Float[Tensor, "p n"],
     keep: Bool[Tensor, "p n"],
-    L: Float[Tensor, "n 3"],
+    L: Float[Tensor, "*l n 3"],
 ) -> Float[Tensor, "p 3"]:
     """``fit(I, keep, L)`` block by block, in the precision and on the device of the lights."""
-    found = [fit(I[s].to(L), keep[s].to(L.device), L) for s in blocks(I.shape[0], I.shape[1], L.device)]
+    found = [fit(I[s].to(L), keep[s].to(L.device), seen_from(L, s)) for s in blocks(I.shape[0], I.shape[1], L.device)]
     return torch.cat(found)
+
+
+def lights_of(capture: Capture, device: torch.device, dtype: torch.dtype = torch.float32) -> Float[Tensor, "*l n 3"]:
+    """Light directions: (n, 3), or (p, n, 3) where each of the mask's pixels sees them elsewhere."""
+    lights = capture.known_lights() if capture.lights_at is None else capture.lights_at
+    return torch.as_tensor(lights, dtype=dtype, device=device)
+
+
+def seen_from(L: Float[Tensor, "*l n 3"], some: slice | Tensor) -> Float[Tensor, "*q n 3"]:
+    """The lights of some pixels: their own, or those that all share."""
+    return L if L.ndim == 2 else L[some]
 
 
 def some_pixels(p: int, count: int) -> Int[Tensor, " q"]:

@@ -10,7 +10,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from photonormal.shading import cosines, shade
+from photonormal.shading import cosines, fall_off, shade, towards
 from photonormal.synth import bounce
 from photonormal.synth.bust import busts, glazes
 from photonormal.synth.library import Library
@@ -20,7 +20,7 @@ from photonormal.synth.meshes import draw_views
 from photonormal.synth.params import log_uniform, tensor
 from photonormal.synth.recipes import Recipe
 from photonormal.synth.sculptor import draw_solids
-from photonormal.synth.shadows import horizon
+from photonormal.synth.shadows import horizon, reached
 from photonormal.synth.trace import Geometry, Solid, View, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
@@ -135,22 +135,22 @@ def render(
 
     N, on = at(geometry.normals), at(geometry.mask[:, None])[:, 0]  # (b, 3, p + q)
     z = at(geometry.height[:, None])[:, 0]
-    cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)  # (b, n, p + q)
-    lz, fall = L[..., 2:], 1.0
-    if recipe.distance is not None:  # the lamp at distance * L, in half widths of the window
-        x, y = 2 * (every % s + 0.5) / s - 1, 1 - 2 * (every // s + 0.5) / s
-        X = torch.stack([x, y, (z - _middle(geometry)) * (2 / s)], 1)  # (b, 3, p + q)
-        r2 = recipe.distance**2 - 2 * recipe.distance * (L @ X) + X.square().sum(1, keepdim=True)
-        cos_l = (recipe.distance * cos_l - (N * X).sum(1, keepdim=True)) * r2.rsqrt()
-        lz = ((recipe.distance * lz - X[:, 2:]) * r2.rsqrt())[..., :p]
-        fall = recipe.distance**2 / r2
-    if recipe.shadows:
-        field = torch.where(geometry.mask, geometry.height, EMPTY)
-        visible = horizon(field, L).visibility(every, z, N)
-        lit = shade(visible, cos_l)
-    else:
-        lit = cos_l.clamp(min=0)
-    lit = lit * on[:, None] * fall
+    lz, visible = L[..., 2:], 1.0
+    field = torch.where(geometry.mask, geometry.height, EMPTY)
+    if recipe.distance is None:
+        cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)  # (b, n, p + q)
+        if recipe.shadows:
+            visible = horizon(field, L).visibility(every, z, N)
+    else:  # lamps at distance * L from the middle of the surface, in half widths of the window
+        X = torch.stack([every % s - (s - 1) / 2, (s - 1) / 2 - every // s, z - _middle(geometry)], -1)  # pixels
+        S = recipe.distance * s / 2 * L
+        if recipe.shadows:
+            visible = reached(field, X, _middle(geometry), S)
+        L, r = towards(X, S)  # (b, p + q, n, 3)
+        cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)
+        lz = L[..., 2].transpose(1, 2)[..., :p]
+        visible = visible * (recipe.distance * s / 2) ** 2 * fall_off(L, r).transpose(1, 2)
+    lit = shade(visible, cos_l) * on[:, None]
     points = at(geometry.points)  # (b, 3, p + q)
     skins = dress(scenes.coats, points[..., :p], shelf)
     albedo = skins_albedo(skins, b)  # (b, 3, p)

@@ -1,8 +1,9 @@
-"""Cast shadows of a height field for every light at once, at the same cost for any distance.
+"""Cast shadows of a height field; what the camera can't see is taken as solid below the visible surface.
 
-The height field is cut into lines along each light's azimuth (a shear by linear interpolation). Along a line a point at
-distance u towards the light is in shadow when some h(u') - u' tan(elevation) farther on exceeds its own: one running
-maximum answers for all points of the line. What the camera can't see is taken as solid below the visible surface.
+Distant lights (`horizon`), all at once, at the same cost for any distance of the occluder: the field is cut into lines
+along each light's azimuth (a shear by linear interpolation). Along a line a point at distance u towards the light is in
+shadow when some h(u') - u' tan(elevation) farther on exceeds its own: one running maximum answers for all points of the
+line. Lamps nearby (`reached`), slower: every ray is marched pixel by pixel.
 """
 
 from __future__ import annotations
@@ -10,12 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
 STEEPEST = 24.0  # pixels that a ray rises per pixel at most: a light overhead casts no shadow worth having
 WRAP = 16384.0  # keeps the part of a line that re-enters on the other side apart from the first part
 STEEP = 6.0  # slope up to which a pixel's height is carried over to the lines beside it
+FLOOR = -1e4  # pixels: lower than any surface
 BIAS, SOFT = 0.05, 0.5  # pixels of depth below the ray at which a shadow begins, and over which it becomes full
 
 
@@ -107,3 +110,26 @@ def horizon(height: Float[Tensor, "b s s"], L: Float[Tensor, "b n 3"]) -> Horizo
     for k in range(1, s):
         torch.maximum(running[k - 1], G[k - 1], out=running[k])
     return Horizon(running, slope, rise, along.float(), forward.float(), s)
+
+
+def reached(
+    height: Float[Tensor, "b s s"], X: Float[Tensor, "b p 3"], middle: Float[Tensor, "b 1"], S: Float[Tensor, "b n 3"]
+) -> Float[Tensor, "b n p"]:
+    """1 where a lamp at `S` reaches a point of the surface, 0 where it doesn't, between at edges.
+
+    Points and lamps are in pixels, x right, y up, z over the height `middle`, from the middle of the height field.
+    """
+    s = height.shape[-1]
+    d = S[:, :, None] - X[:, None]  # (b, n, p, 3)
+    across = d[..., :2].norm(dim=-1).clamp(min=1e-3)
+    step = d / across[..., None]  # moves by a pixel across the picture
+    top = height.amax((1, 2)) - middle[:, 0]
+    over = ((top[:, None, None] - X[:, None, :, 2]) / step[..., 2].clamp(min=1e-3)).clamp(max=1.5 * s)
+    ground = (height - middle[..., None] - FLOOR)[:, None]  # so that what lies outside is low
+    depth = torch.full_like(across, FLOOR)
+    for k in range(1, int(torch.minimum(over, across).amax()) + 1):
+        q = X[:, None] + k * step
+        grid = q[..., :2] * (2 / s) * q.new_tensor([1, -1])
+        h = F.grid_sample(ground, grid, mode="bilinear", padding_mode="zeros", align_corners=False)[:, 0] + FLOOR
+        depth = torch.where(k < across, torch.maximum(depth, h - q[..., 2]), depth)
+    return _lit(depth)

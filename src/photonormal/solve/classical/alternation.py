@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.ransac import Ransac
 from photonormal.solve.classical.refine import Refinement
-from photonormal.solve.observations import blocks, every_pixel, grey_levels, lit, on_mask, some_pixels
+from photonormal.solve.observations import blocks, every_pixel, grey_levels, lights_of, lit, on_mask, some_pixels
 from photonormal.types import Capture, Normals
 
 
@@ -21,12 +21,14 @@ from photonormal.types import Capture, Normals
 class Reflectance(Protocol):
     """What an object is made of, under given lights."""
 
-    def fitted(self, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]) -> Reflectance:
-        """The reflectance that explains the samples to `keep` best, given normals."""
+    def fitted(
+        self, some: Tensor, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]
+    ) -> Reflectance:
+        """The reflectance that explains the samples to `keep` of some pixels best, given their normals."""
         ...
 
     def model(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
+        self, some: slice, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
     ) -> Callable[[Tensor], Tensor]:
         """Radiance (p, n) of some pixels as a function of their normals (p, 3), to scale; `n` are their normals now."""
         ...
@@ -57,7 +59,7 @@ class Alternation:
         """Normals of a capture; `first` maps lights to the reflectance to begin with."""
         I = grey_levels(capture)  # (p, n)
         keep = lit(I)
-        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)
+        L = lights_of(capture, device)
         (n, loss), (n_metal, loss_metal) = (
             self.refine(first(L), I, keep, L, every_pixel(start.fit, I, keep, L)) for start in (self.matt, self.metal)
         )
@@ -68,15 +70,17 @@ class Alternation:
         reflectance: Reflectance,
         I: Float[Tensor, "p n"],
         keep: Bool[Tensor, "p n"],
-        L: Float[Tensor, "n 3"],
+        L: Float[Tensor, "*l n 3"],
         n: Float[Tensor, "p 3"],
     ) -> tuple[Float[Tensor, "p 3"], Float[Tensor, "p 1"]]:
         """Normals, from those of one start, and their loss; computed where the lights are."""
         loss = torch.zeros_like(n[:, :1])
         some = some_pixels(I.shape[0], self.sample)
+        samples, kept = I[some].to(L), keep[some].to(L.device)
+        some = some.to(L.device)
         for _ in range(self.rounds):
-            reflectance = reflectance.fitted(I[some].to(L), keep[some].to(L.device), n[some.to(L.device)])
+            reflectance = reflectance.fitted(some, samples, kept, n[some])
             for s in blocks(I.shape[0], I.shape[1], L.device):
-                block, kept = I[s].to(L), keep[s].to(L.device)
-                n[s], loss[s] = self.refinement(reflectance.model(block, kept, n[s]), block, kept, n[s])
+                block, lit_here = I[s].to(L), keep[s].to(L.device)
+                n[s], loss[s] = self.refinement(reflectance.model(s, block, lit_here, n[s]), block, lit_here, n[s])
         return n, loss

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines, half_vectors
+from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse, symmetric_product
@@ -44,12 +44,14 @@ class Bipolynomial:
         at_least(6, capture, "bipolynomial")
         return per_lit_pixel(self.fit, capture, device, torch.float64, metal=self.fit_metal)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         return self.alternation(I, keep, L, self.window.fit(I, keep, L), self.ridge)
 
     def fit_metal(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
     ) -> Float[Tensor, "p 3"]:
         """As `fit`, on metal."""
         start = self.metal.fit(I.float(), keep, L.float())
@@ -59,7 +61,7 @@ class Bipolynomial:
         self,
         I: Float[Tensor, "p n"],
         keep: Bool[Tensor, "p n"],
-        L: Float[Tensor, "n 3"],
+        L: Float[Tensor, "*l n 3"],
         n: Float[Tensor, "p 3"],
         weight: float,
     ) -> Float[Tensor, "p 3"]:
@@ -67,7 +69,7 @@ class Bipolynomial:
         w = (keep & self.window.window(I, keep)).to(I.dtype)  # (p, n)
         I = I * (w.sum(1, keepdim=True) / (w * I).sum(1, keepdim=True).clamp(min=1e-12))
         H = half_vectors(L)
-        y = (1 - (L * H).sum(-1))[..., None]  # (n, 1)
+        y = (1 - (L * H).sum(-1))[..., None]  # (*l, n, 1)
         i, j = torch.meshgrid(*2 * [torch.arange(self.degree + 1, device=L.device)], indexing="ij")
         i, j = i.flatten(), j.flatten()  # the m terms
         ridge = weight * (i + j > 0) + 1e-9
@@ -80,6 +82,6 @@ class Bipolynomial:
             G = G + torch.diag_embed(ridge * G[:, :1, 0].clamp(min=1e-9))
             C = torch.linalg.solve(G, (F * I[..., None]).sum(1))  # (p, m)
             rho = (terms @ C[..., None])[..., 0].clamp(min=1e-3)
-            A, fixed = symmetric_inverse((w * rho**2) @ pairs(L))  # I = rho l.b
-            n = torch.where(fixed, normalised(symmetric_product(A, (w * rho * I) @ L)), n)
+            A, fixed = symmetric_inverse(over_lights(w * rho**2, pairs(L)))  # I = rho l.b
+            n = torch.where(fixed, normalised(symmetric_product(A, over_lights(w * rho * I, L))), n)
         return n

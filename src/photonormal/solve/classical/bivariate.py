@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines, half_vectors
+from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse
@@ -55,11 +55,14 @@ class Bivariate:
         at_least(6, capture, "bivariate")
         return per_lit_pixel(self.fit, capture, device, torch.float64, metal=self.fit_metal)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         start = self.start.fit(I, keep, L)
         keep = keep & self.window.window(I, keep)
-        x = (L[:, 2] - L[:, 2].min()) / (L[:, 2].max() - L[:, 2].min()).clamp(min=1e-12)  # v.l from 0 to 1
+        low, high = L[..., 2].amin(-1, keepdim=True), L[..., 2].amax(-1, keepdim=True)
+        x = (L[..., 2] - low) / (high - low).clamp(min=1e-12)  # v.l from 0 to 1, (*l, n)
         B = bernstein(x, self.degree_light)
         Phi = torch.stack([g * b for g in growing(relative(I, keep), self.degree_intensity) for b in B], dim=-1)
         bend = bending(self.bend, self.degree_intensity, len(B)).to(Phi)
@@ -67,7 +70,7 @@ class Bivariate:
         return self.regression(Phi, torch.ones_like(bend[0]), bend, L, keep, w, self.spread, start)
 
     def fit_metal(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
     ) -> Float[Tensor, "p 3"]:
         """As `fit`, or the fit of n.h = g(sqrt I), g(0) >= 0, where that orders the samples better."""
         n, H = self.fit(I, keep, L), half_vectors(L)
@@ -84,7 +87,7 @@ class Bivariate:
         Phi: Float[Tensor, "p n m"],
         rises: Float[Tensor, " m"],
         bend: Float[Tensor, "m m"],
-        A: Float[Tensor, "n 3"],
+        A: Float[Tensor, "*l n 3"],
         keep: Bool[Tensor, "p n"],
         w: Float[Tensor, "p n"],
         spread: float,
@@ -92,10 +95,10 @@ class Bivariate:
     ) -> Float[Tensor, "p 3"]:
         """Unit n that minimise |A n - Phi d|^2 over d >= 0, rises.d fixed, samples reweighted from `w` on; else `n`."""
         for _ in range(self.rounds):
-            inverse, fixed = symmetric_inverse(w @ pairs(A))  # of A'wA
+            inverse, fixed = symmetric_inverse(over_lights(w, pairs(A)))  # of A'wA
             inverse = inverse[:, SIX_TO_NINE].unflatten(1, (3, 3))
             wPhi = w[..., None] * Phi
-            APhi = A.T @ wPhi  # (p, 3, m)
+            APhi = A.transpose(-1, -2) @ wPhi  # (p, 3, m)
             G = wPhi.transpose(1, 2) @ Phi - APhi.transpose(1, 2) @ inverse @ APhi  # of |A n - Phi d|^2 with the best n
             G = G / (wPhi * Phi).sum((1, 2)).div(Phi.shape[2]).clamp(min=1e-12)[:, None, None] + bend
             d = nonnegative_minimum(G, rises.expand(G.shape[:2]))  # (p, m), up to scale

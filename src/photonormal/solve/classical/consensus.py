@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,12 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.geometry import fibonacci_hemisphere
+from photonormal.shading import over_lights
 from photonormal.solve.classical.triplets import by_direction
-from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.solve.observations import at_least, normalised, per_lit_pixel, seen_from
 from photonormal.types import Capture, Normals
 
-TOGETHER = 512  # pixels voted on at a time
+TOGETHER, ALONE = 512, 16  # pixels voted on at a time; where each sees the lights elsewhere
 
 
 @dataclass(frozen=True)
@@ -47,43 +49,46 @@ class Consensus:
         at_least(6, capture, "consensus")
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         coarse = hemisphere(self.coarse, L)  # (m, 3)
         near = (self.best(I, keep, L, coarse) @ coarse.T).argmax(1)  # (p,)
         fine = hemisphere(self.fine, L)
-        reach_deg = min(45.0, self.reach_deg * max(1.0, 48 / L.shape[0]))
+        reach_deg = min(45.0, self.reach_deg * max(1.0, 48 / I.shape[1]))
         reached = coarse @ fine.T > np.cos(np.radians(reach_deg))
         N = torch.zeros_like(I[:, :3])
         for cell in near.unique().tolist():  # pixels of one coarse candidate share the fine ones
             p = torch.nonzero(near == cell)[:, 0]
-            N[p] = self.best(I[p], keep[p], L, fine[reached[cell]])
+            N[p] = self.best(I[p], keep[p], seen_from(L, p), fine[reached[cell]])
         return N * (keep.sum(1, keepdim=True) >= 3)
 
     def best(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], C: Float[Tensor, "m 3"]
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"], C: Float[Tensor, "m 3"]
     ) -> Float[Tensor, "p 3"]:
         """The mean of the candidates with the most votes."""
         found = []
-        for samples, lit in chunks(I, keep):
-            score, cast = self.votes(samples, lit, L, C)
+        for s in chunks(I, L):
+            score, cast = self.votes(I[s], keep[s], seen_from(L, s), C)
             tied = score >= score.amax(1, keepdim=True) - self.tie * cast
             found.append(tied.to(I.dtype) @ C)
         return normalised(torch.cat(found))
 
     def votes(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"], C: Float[Tensor, "m 3"]
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"], C: Float[Tensor, "m 3"]
     ) -> tuple[Float[Tensor, "p m"], Float[Tensor, "p 1"]]:
         """Votes of each pixel for each candidate, and the number of votes cast."""
         i, j = self.pairs_of(L)
         difference = I[:, i] - I[:, j]
         noise = self.noise * torch.maximum(I[:, i], I[:, j]).clamp(min=1e-9)
         w = (difference / noise).clamp_(-1, 1).mul_(keep[:, i] & keep[:, j])  # (p, pairs)
-        monotonic = w @ ((L[i] - L[j]) @ C.T).sign()
-        hidden = keep.to(I.dtype) @ (L @ C.T <= 0).to(I.dtype)
-        return monotonic - self.visible * L.shape[0] * hidden, w.abs().sum(1, keepdim=True)
+        cos = L @ C.T  # (*l, n, m)
+        monotonic = over_lights(w, (cos[..., i, :] - cos[..., j, :]).sign())
+        hidden = over_lights(keep.to(I.dtype), (cos <= 0).to(I.dtype))
+        return monotonic - self.visible * I.shape[1] * hidden, w.abs().sum(1, keepdim=True)
 
-    def pairs_of(self, L: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
+    def pairs_of(self, L: Float[Tensor, "*l n 3"]) -> tuple[Tensor, Tensor]:
         """All pairs of lights, or as many of them as asked for, whatever the order of the images."""
         pairs = torch.combinations(by_direction(L), 2)
         if len(pairs) > self.pairs:
@@ -96,7 +101,7 @@ def hemisphere(m: int, like: Tensor) -> Float[Tensor, "m 3"]:
     return torch.as_tensor(fibonacci_hemisphere(m), dtype=like.dtype, device=like.device)
 
 
-def chunks(I: Tensor, keep: Tensor) -> zip:
+def chunks(I: Float[Tensor, "p n"], L: Float[Tensor, "*l n 3"]) -> Iterator[slice]:
     """Some pixels at a time."""
-    step = TOGETHER if I.device.type == "cpu" else 32 * TOGETHER
-    return zip(I.split(step), keep.split(step), strict=True)
+    step = (TOGETHER if L.ndim == 2 else ALONE) * (1 if I.device.type == "cpu" else 32)
+    return (slice(first, first + step) for first in range(0, len(I), step))

@@ -33,12 +33,12 @@ class L1:
         at_least(4, capture, "l1")
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
+    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
         return self.fit(I, lit(I), L)
 
     def fit(
-        self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]
+        self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]
     ) -> Float[Tensor, "*b p 3"]:
         """Unit normals from the samples to `keep`."""
         keep = keep.to(I.dtype)

@@ -32,7 +32,9 @@ class Median:
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         triplets = conditioned_triplets(L, self.triplets, self.seed)
         N = normalised(hypotheses(I, L, triplets))  # (p, t, 3)

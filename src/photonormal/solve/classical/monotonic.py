@@ -42,7 +42,9 @@ class Monotonic:
         at_least(6, capture, "monotonic")
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         known = self.azimuth.fit(I.double(), keep, L.double()).to(I.dtype)
         across = known * known.new_tensor([1, 1, 0])

@@ -38,7 +38,9 @@ class Ransac:
         at_least(4, capture, "ransac")
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         usual = I.masked_fill(~keep, torch.nan).nanmedian(dim=1, keepdim=True).values.nan_to_num(0)
         within = self.tolerance * usual.clamp(min=1e-12)  # (p, 1)

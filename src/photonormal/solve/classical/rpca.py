@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.solve.classical.woodham import scaled_normals
-from photonormal.solve.observations import at_least, grey_levels, lit, normalised, on_mask
+from photonormal.solve.observations import at_least, grey_levels, lights_of, lit, normalised, on_mask
 from photonormal.types import Capture, Normals
 
 
@@ -38,10 +38,9 @@ class RPCA:
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(4, capture, "rpca")
         I = grey_levels(capture).to(device)  # (p, n)
-        L = torch.as_tensor(capture.known_lights(), dtype=I.dtype, device=device)
-        return on_mask(self.normals(I, L).cpu(), capture)
+        return on_mask(self.normals(I, lights_of(capture, device)).cpu(), capture)
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
+    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
         A = self.low_rank(I, lit(I))
         A = torch.where(A.any(-1, keepdim=True), A, I)  # where all is highlight: least squares

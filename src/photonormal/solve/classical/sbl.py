@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines
+from photonormal.shading import cosines, over_lights
 from photonormal.solve.classical.woodham import pairs, scaled_normals, symmetric_inverse, symmetric_product
 from photonormal.solve.observations import at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
@@ -33,21 +33,23 @@ class SBL:
         at_least(4, capture, "sbl")
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def fit(self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    def fit(
+        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]
+    ) -> Float[Tensor, "p 3"]:
         """Unit normals from the samples to `keep`."""
         lam = self.noise
         lit = keep.to(I.dtype)
         I = I / I.amax(-1, keepdim=True).clamp(min=1e-12)
         gamma = torch.ones_like(I)
         b = plain = scaled_normals(I, L)
-        LL = pairs(L)  # (n, 6)
+        LL = pairs(L)  # (*l, n, 6)
         twice = LL.new_tensor([1, 2, 2, 1, 2, 1])  # a symmetric quadratic form meets its off-diagonals twice
         for _ in range(self.steps):
             w = lit / (gamma + lam)  # (p, n)
-            cov, fixed = symmetric_inverse(w @ LL)  # posterior covariance of b, (p, 6)
-            b = torch.where(fixed, symmetric_product(cov, (w * I) @ L), plain)
+            cov, fixed = symmetric_inverse(over_lights(w, LL))  # posterior covariance of b, (p, 6)
+            b = torch.where(fixed, symmetric_product(cov, over_lights(w * I, L)), plain)
             gw = gamma.mul_(w)  # share of each residual that the outlier takes
-            q = (cov.to(I.dtype) * twice) @ LL.T  # l_j.cov.l_j
+            q = over_lights(cov.to(I.dtype) * twice, LL.transpose(-1, -2))  # l_j.cov.l_j
             e = gw * (I - cosines(b, L))
             gamma = (e * e + lam * gw + gw * gw * q).clamp_(min=1e-12)
         return normalised(b)

@@ -39,7 +39,7 @@ class Table:
         at_least(10, capture, "table")
         return self.alternation(self.flat, capture, device)
 
-    def flat(self, L: Float[Tensor, "n 3"]) -> Tabulated:
+    def flat(self, L: Float[Tensor, "*l n 3"]) -> Tabulated:
         """The table of a matt object."""
         B = torch.ones(self.half + 1, self.difference, device=L.device)
         return Tabulated(B, Grid.under(L, self.half, self.difference), self.smooth)
@@ -54,14 +54,17 @@ class Tabulated:
     smooth: tuple[float, float]
 
     def model(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
+        self, some: slice, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
     ) -> Callable[[Tensor], Tensor]:
         """B n.l as a function of the normals."""
-        return lambda n: shade(self.grid.look_up(self.B, n), cosines(n, self.grid.L).clamp(min=1e-4))
+        grid = self.grid.seen_from(some)
+        return lambda n: shade(grid.look_up(self.B, n), cosines(n, grid.L).clamp(min=1e-4))
 
-    def fitted(self, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]) -> Tabulated:
+    def fitted(
+        self, some: Tensor, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]
+    ) -> Tabulated:
         """The smooth table that explains the samples I best, given normals; albedos are found in turn, three times."""
-        B, grid = self.B, self.grid
+        B, grid = self.B, self.grid.seen_from(some)
         cos = cosines(n, grid.L)
         w = keep * (cos > 0.05)
         weight = grid.sums(n, w * cos**2)
@@ -79,18 +82,24 @@ class Tabulated:
 class Grid:
     """Where the samples of given lights fall in a table over (theta_h, theta_d); theta_d depends on the light alone."""
 
-    L: Float[Tensor, "n 3"]
-    H: Float[Tensor, "n 3"]
+    L: Float[Tensor, "*l n 3"]
+    H: Float[Tensor, "*l n 3"]
     half: int  # cells over theta_h
-    column: Float[Tensor, " n"]  # with fraction
+    column: Float[Tensor, "*l n"]  # with fraction
 
     @classmethod
-    def under(cls, L: Float[Tensor, "n 3"], half: int, difference: int) -> Grid:
+    def under(cls, L: Float[Tensor, "*l n 3"], half: int, difference: int) -> Grid:
         """The grid of lights L."""
         H = half_vectors(L)
         theta_d = (L * H).sum(-1).clamp(-1, 1).acos()
         span = (theta_d.max() - theta_d.min()).clamp(min=1e-6)
         return cls(L, H, half, (theta_d - theta_d.min()) / span * (difference - 1))
+
+    def seen_from(self, some: slice | Tensor) -> Grid:
+        """The grid of some pixels."""
+        if self.L.ndim == 2:
+            return self
+        return replace(self, L=self.L[some], H=self.H[some], column=self.column[some])
 
     def rows(self, n: Float[Tensor, "p 3"]) -> Float[Tensor, "p n"]:
         """Row of each sample, with fraction: as the root of theta_h."""
@@ -100,10 +109,10 @@ class Grid:
     def look_up(self, B: Float[Tensor, "k m"], n: Float[Tensor, "p 3"]) -> Float[Tensor, "p n"]:
         """The table's value for each sample, bilinear."""
         j = self.column.floor().clamp(max=B.shape[1] - 2).long()
-        of_light = torch.lerp(B[:, j], B[:, j + 1], self.column - j)  # (k, n)
         row = self.rows(n)
         i = row.floor().clamp(max=self.half - 1).long()
-        return torch.lerp(of_light.gather(0, i), of_light.gather(0, i + 1), row - i)
+        low, high = (torch.lerp(B[k, j], B[k, j + 1], self.column - j) for k in (i, i + 1))
+        return torch.lerp(low, high, row - i)
 
     def sums(self, n: Float[Tensor, "p 3"], values: Float[Tensor, "p n"]) -> Float[Tensor, "k m"]:
         """Sums of the samples' values in the nearest cells."""

@@ -32,12 +32,12 @@ class Trimmed:
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         return per_lit_pixel(self.fit, capture, device, torch.float32)
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
+    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
         return self.fit(I, lit(I), L)
 
     def fit(
-        self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]
+        self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]
     ) -> Float[Tensor, "*b p 3"]:
         """Unit normals from the samples to `keep`."""
         return normalised(weighted_normals(I, keep & self.window(I, keep), L))

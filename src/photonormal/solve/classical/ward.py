@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import pi
 
 import torch
@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.shading import cosines, half_vectors, shade
 from photonormal.solve.classical.alternation import Alternation
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
-from photonormal.solve.observations import at_least
+from photonormal.solve.observations import at_least, seen_from
 from photonormal.types import Capture, Normals
 
 DESCENT = 30  # steps of fitting the materials
@@ -43,7 +43,7 @@ class Ward:
         at_least(10, capture, "ward")
         return self.alternation(self.materials, capture, device)
 
-    def materials(self, L: Float[Tensor, "n 3"]) -> Materials:
+    def materials(self, L: Float[Tensor, "*l n 3"]) -> Materials:
         """The materials to start from."""
         rho_d, rho_s, alpha = (L.new_tensor(x).log() for x in (self.diffuse, self.specular, self.roughness))
         return Materials(rho_d, rho_s, alpha, L)
@@ -56,7 +56,7 @@ class Materials:
     rho_d: Float[Tensor, " m"]
     rho_s: Float[Tensor, " m"]
     alpha: Float[Tensor, " m"]
-    L: Float[Tensor, "n 3"]
+    L: Float[Tensor, "*l n 3"]
 
     def radiance(self, n: Float[Tensor, "p 3"]) -> Float[Tensor, "p m n"]:
         """n.l f_m of each material."""
@@ -69,22 +69,25 @@ class Materials:
         return shade(rho_d / pi + rho_s * lobe, cos)
 
     def model(
-        self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
+        self, some: slice, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], n: Float[Tensor, "p 3"]
     ) -> Callable[[Tensor], Tensor]:
         """n.l sum_m gamma_m f_m as a function of the normals, with the shares gamma that suit the present ones."""
-        gamma = shares(self.radiance(n), I, keep)
-        return lambda n: (gamma[..., None] * self.radiance(n)).sum(1)
+        here = replace(self, L=seen_from(self.L, some))
+        gamma = shares(here.radiance(n), I, keep)
+        return lambda n: (gamma[..., None] * here.radiance(n)).sum(1)
 
-    def fitted(self, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]) -> Materials:
+    def fitted(
+        self, some: Tensor, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]
+    ) -> Materials:
         """Materials that explain the samples best: gradient descent with shares found anew at each step."""
         w = keep.to(I.dtype)
         root = (I / ((I * w).sum(1, keepdim=True) / w.sum(1, keepdim=True).clamp(min=1)).clamp(min=1e-9)).sqrt()
         rho_d, rho_s, alpha = log = [x.clone().requires_grad_() for x in (self.rho_d, self.rho_s, self.alpha)]
-        descent = torch.optim.Adam(log, lr=0.1)
+        descent, L = torch.optim.Adam(log, lr=0.1), seen_from(self.L, some)
         I = root**2
         with torch.enable_grad():
             for _ in range(DESCENT):
-                f = Materials(rho_d, rho_s, alpha, self.L).radiance(n)
+                f = Materials(rho_d, rho_s, alpha, L).radiance(n)
                 gamma = shares(f.detach(), I, keep)
                 r = root - (gamma[..., None] * f).sum(1).clamp(min=1e-9).sqrt()
                 loss = (w * torch.log1p((r / SPREAD) ** 2)).sum() / w.sum().clamp(min=1)

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.shading import over_lights
 from photonormal.solve.observations import normalised, per_pixel
 from photonormal.types import Capture, Normals
 
@@ -24,27 +25,27 @@ class Woodham:
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         return per_pixel(self.normals, capture, device, torch.float32)
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
-        """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
+    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
+        """Unit normals from grey levels and lights, as `photonormal.shading` has them; batches are allowed."""
         return normalised(scaled_normals(I, L))
 
 
-def scaled_normals(I: Float[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b p 3"]:
+def scaled_normals(I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
     """b = argmin |L b - i|^2 = L^+ i for every pixel: the normal times the albedo."""
-    return I @ torch.linalg.pinv(L).transpose(-1, -2)
+    return over_lights(I, torch.linalg.pinv(L).transpose(-1, -2))
 
 
 def weighted_normals(
-    I: Float[Tensor, "*b p n"], w: Float[Tensor, "*b p n"] | Bool[Tensor, "*b p n"], L: Float[Tensor, "*b n 3"]
+    I: Float[Tensor, "*b p n"], w: Float[Tensor, "*b p n"] | Bool[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]
 ) -> Float[Tensor, "*b p 3"]:
     """b = argmin sum_j w_j (l_j.b - I_j)^2 for every pixel; least squares where those weighted do not fix it."""
     w = w.to(I.dtype)
-    A, fixed = symmetric_inverse(w @ pairs(L))  # (*b, p, 6)
-    b = symmetric_product(A, (w * I) @ L)
-    return torch.where(fixed, b, scaled_normals(I, L))
+    A, fixed = symmetric_inverse(over_lights(w, pairs(L)))  # (*b, p, 6)
+    b = symmetric_product(A, over_lights(w * I, L))
+    return b if bool(fixed.all()) else torch.where(fixed, b, scaled_normals(I, L))
 
 
-def pairs(L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b n 6"]:
+def pairs(L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*l n 6"]:
     """The products xx xy xz yy yz zz: ``w @ pairs(L)`` are the 3 x 3 normal equations sum_j w_j l_j l_j^T."""
     x, y, z = L.unbind(-1)
     return torch.stack([x * x, x * y, x * z, y * y, y * z, z * z], dim=-1)

@@ -20,7 +20,7 @@ from torch.nn import functional as F
 from photonormal.solve.learned.layers import Block, conv, deconv, kaiming, unit
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
-from photonormal.solve.learned.network import Network
+from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled, pool
 from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, InputError, Normals
@@ -112,14 +112,14 @@ class LambertianPriorNet(Network):
         self.regressor = Regressor(8 * w if self.two else 4 * w, w, config.concat if config.prior else 0)
         kaiming(self)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> Shared:
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
         if self.prior is None:
             return Shared(prior, None)
         return Shared(prior, self.prior.scales[0](prior) if self.config.exchange else self.prior(prior)[-1])
 
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         b, k, _, h, w = images.shape
-        phi = [images.expand(b, k, 3, h, w), lights[..., None, None].expand(b, k, 3, h, w).to(images.dtype)]
+        phi = [images.expand(b, k, 3, h, w), at_pixels(lights).expand(b, k, 3, h, w).to(images.dtype)]
         if self.config.prior and not self.two:
             phi.insert(0, per_image(shared.prior, k).unflatten(0, (b, k)).to(images.dtype))
         phi = torch.cat(phi, dim=2).flatten(0, 1).contiguous(memory_format=torch.channels_last)  # (b k, 6 or 9, h, w)

@@ -48,7 +48,6 @@ def measure(
     prior : a classical method in place of the one that the network learned with
     passes : how often the network looks; from the second time on its own normals are the prior
     """
-    L = torch.as_tensor(capture.known_lights(), dtype=torch.float32, device=device)  # (n, 3)
     if rotations not in (1, 4):
         raise InputError(f"{rotations} rotations came but 1 or 4 is possible; quarter turns keep the pixels.")
     if passes < 1:
@@ -56,6 +55,7 @@ def measure(
     tile = -(-(tile or (512 if device.type == "cpu" else 1024)) // net.stride) * net.stride
     net = placed(net, device).eval()
     box = Box.of(capture, net.stride)
+    L = box.lights(capture).to(device)  # (n, 3), or (n, 3, h, w)
     start = time.perf_counter()
     with torch.inference_mode():
         look = first_look(net, capture, box, L, net.config.prior if prior is None else prior)
@@ -69,7 +69,7 @@ def measure(
 
 
 def looked(
-    net: Network, capture: Capture, box: Box, look: Look, L: Float[Tensor, "n 3"], rotations: int, tile: int
+    net: Network, capture: Capture, box: Box, look: Look, L: Float[Tensor, "n 3 *hw"], rotations: int, tile: int
 ) -> Float[Tensor, "d h w"]:
     """One pass of the network over all images: what it decodes for the box, on the processor."""
     N: Tensor | None = None
@@ -114,6 +114,15 @@ class Box:
         crop[0, 0, :, : inside.shape[0], : inside.shape[1]] = inside.permute(2, 0, 1)
         return crop
 
+    def lights(self, capture: Capture) -> Float[Tensor, "n 3 *hw"]:
+        """Light directions (n, 3), or those that each pixel of the box sees."""
+        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32)
+        if capture.lights_at is None:
+            return L
+        L = L[..., None, None].repeat(1, 1, *self.mask.shape)
+        L[:, :, self.mask] = torch.from_numpy(capture.lights_at).permute(1, 2, 0)
+        return L
+
     def windows(self, tile: int, reach: int) -> list[tuple[slice, slice, slice, slice]]:
         """Rows and columns of each tile, and of what it is computed from; tiles without a mask pixel are left out.
 
@@ -155,10 +164,11 @@ class Look:
     lit: Tensor  # (h, w) bool, some image is not black here
 
 
-def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3"], prior: str) -> Look:
+def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3 *hw"], prior: str) -> Look:
     """The prior, what scales the images, and the pixels that some light reached."""
     mask = box.mask[None, None].to(L.device)  # (1, 1, h, w)
-    plus = torch.linalg.pinv(L.double()).float()  # (3, n)
+    one_by_one = prior == "woodham" and L.ndim == 2  # least squares, one image at a time
+    plus = torch.linalg.pinv(L.double()).float() if one_by_one else None  # (3, n)
     b = torch.zeros(3, *box.mask.shape, device=L.device)
     moments: Tensor | None = None
     lit = torch.zeros(box.mask.shape, dtype=torch.bool, device=L.device)
@@ -167,11 +177,11 @@ def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3"]
         lit |= I > 0
         here = moment(net.scaling, images, mask)
         moments = here if moments is None else moments.add_(here)
-        if prior == "woodham":
-            b += plus[:, j, None, None] * I  # least squares, one image at a time
+        if plus is not None:
+            b += plus[:, j, None, None] * I
     if moments is None or not (lit & mask[0, 0]).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
-    if prior not in ("", "woodham"):
+    if prior and plus is None:
         from photonormal.solve import method_class
 
         method = method_class(prior)()
@@ -182,7 +192,7 @@ def first_look(net: Network, capture: Capture, box: Box, L: Float[Tensor, "n 3"]
     return Look(b, moments, lit)
 
 
-def by_blocks(method: Any, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) -> Float[Tensor, "3 h w"]:
+def by_blocks(method: Any, capture: Capture, box: Box, L: Float[Tensor, "n 3 *hw"]) -> Float[Tensor, "3 h w"]:
     """Normals of a classical method that needs all images of a pixel: as many pixels at a time as memory allows."""
     where = box.mask.flatten().nonzero()[:, 0]  # (p,)
     N = torch.zeros(box.mask.numel(), 3, device=L.device)
@@ -190,7 +200,9 @@ def by_blocks(method: Any, capture: Capture, box: Box, L: Float[Tensor, "n 3"]) 
         I = torch.empty(len(block), len(L), device=L.device)
         for j, images in frames(capture, box, L.device, 1):
             I[:, j] = grey(images).flatten()[block]
-        N[block] = torch.cat([method.normals(part, L) for part in I.split(max(1, 2**22 // len(L)))])
+        for part in torch.arange(len(block), device=L.device).split(max(1, 2**22 // len(L))):
+            seen = L if L.ndim == 2 else L.flatten(2)[..., block[part]].permute(2, 0, 1)  # (q, n, 3)
+            N[block[part]] = method.normals(I[part], seen)
     return N.T.reshape(3, *box.mask.shape)
 
 
@@ -228,7 +240,7 @@ class Tile:
     """One part of the object: its share of every image goes in, its normals come out."""
 
     def __init__(
-        self, net: Network, box: Box, look: Look, window: tuple[slice, ...], L: Float[Tensor, "n 3"], rotations: int
+        self, net: Network, box: Box, look: Look, window: tuple[slice, ...], L: Float[Tensor, "n 3 *hw"], rotations: int
     ) -> None:
         self.net, self.n = net, len(L)
         self.core, self.seen = window[:2], window[2:]
@@ -238,18 +250,23 @@ class Tile:
         prior = look.prior[:, *self.seen][None]  # (1, 3, h, w)
         with inner_precision(L.device):
             self.shared = [
-                net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), turned(L[None], r, 2)) for r in self.turns
+                net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), self.lights(L, r)) for r in self.turns
             ]
         self.pooled: list[Pooled | None] = [None] * rotations
 
-    def add(self, images: Float[Tensor, "1 k c h w"], L: Float[Tensor, "k 3"]) -> None:
+    def add(self, images: Float[Tensor, "1 k c h w"], L: Float[Tensor, "k 3 *hw"]) -> None:
         """Look at k images of the box under the lights `L`."""
         images = scaled(self.net.scaling, images[..., *self.seen], self.mask, self.moments, self.n)
         for r in self.turns:
             with inner_precision(L.device):
-                new = self.net.encode(torch.rot90(images, r, (3, 4)), turned(L[None], r, 2), self.shared[r])
+                new = self.net.encode(torch.rot90(images, r, (3, 4)), self.lights(L, r), self.shared[r])
             old = self.pooled[r]
             self.pooled[r] = new if old is None else old.merged(new)
+
+    def lights(self, L: Float[Tensor, "k 3 *hw"], r: int) -> Float[Tensor, "1 k 3 *ij"]:
+        """Lights as this tile sees them after `r` quarter turns."""
+        seen = L[None] if L.ndim == 2 else torch.rot90(L[None][..., *self.seen], r, (3, 4))
+        return turned(seen, r, 2)
 
     def finish(self, n: int) -> Float[Tensor, "d i j"]:
         """The tile's unit normals and, where the network tells them, expected errors: the mean over all turns."""

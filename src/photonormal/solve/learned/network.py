@@ -42,11 +42,11 @@ class Network(nn.Module, ABC):
     config: Any
 
     @abstractmethod
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> Any:
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Any:
         """What all images share, computed once from the prior (zero outside the object) and the lights of them all."""
 
     @abstractmethod
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         """The pooled features of k scaled images: some of the n, or all."""
 
     @abstractmethod
@@ -57,9 +57,12 @@ class Network(nn.Module, ABC):
         """
 
     def forward(
-        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3"], prior: Float[Tensor, "b 3 h w"]
+        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], prior: Float[Tensor, "b 3 h w"]
     ) -> Float[Tensor, "b d h w"]:
-        """What `decode` gives, from scaled images (`scaled`), unit lights and the prior."""
+        """What `decode` gives, from scaled images (`scaled`), unit lights and the prior.
+
+        Lights are (b, n, 3), or (b, n, 3, h, w) where each pixel sees them elsewhere.
+        """
         shared = self.begin(prior, lights)
         return self.decode(self.encode(images, lights, shared), images.shape[1], shared)
 
@@ -92,6 +95,11 @@ def scaled(
         scale, cut = (moments / n).sqrt(), CUT_RMS  # (b, c, h, w)
     scale = torch.where((scale > 0) & mask, scale, torch.inf)
     return (images / scale[:, None]).clamp(max=cut)
+
+
+def at_pixels(lights: Float[Tensor, "b k 3 *hw"]) -> Float[Tensor, "b k 3 h w"]:
+    """Lights of each pixel, or (b, k, 3, 1, 1) that all share."""
+    return lights if lights.ndim == 5 else lights[..., None, None]
 
 
 def grey(images: Float[Tensor, "b k c h w"]) -> Float[Tensor, "b k 1 h w"]:

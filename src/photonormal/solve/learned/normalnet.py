@@ -19,7 +19,7 @@ from torch.nn import functional as F
 from photonormal.solve.learned.layers import SLOPE, Block, conv
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
-from photonormal.solve.learned.network import Network
+from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled, pool
 from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, Normals
@@ -92,7 +92,7 @@ class NormalNet(Network):
                 module.second.weight.data.mul_(0.3)
         nn.init.normal_(self.correction.weight, std=1e-3)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> Shared:
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
         known = prior.square().sum(1, keepdim=True) > 0.25
         x, y, z = torch.where(known, prior, prior.new_tensor([0.0, 0.0, 1.0])[:, None, None]).float().split(1, dim=1)
         z = z.clamp(min=0.05)  # a surface that is seen looks towards the camera
@@ -108,7 +108,7 @@ class NormalNet(Network):
             total += cosines(light, shared)[1].clamp(min=0).square().sum(1, keepdim=True)
         return shared._replace(shading=(total / lights.shape[1]).sqrt().clamp(min=0.05))
 
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         seen = tokens(images[:, :, 0], lights, shared)  # (b, k, h, w, 16)
         features = self.encoder(seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
         return pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
@@ -131,15 +131,17 @@ class NormalNet(Network):
         return torch.cat([N, self.doubt(seen).float().clamp(max=4.5).exp()], dim=1)  # at most 90 degrees
 
 
-def cosines(lights: Float[Tensor, "b k 3"], shared: Shared) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
+def cosines(lights: Float[Tensor, "b k 3 *hw"], shared: Shared) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
     """Each pixel's turned lights, x, y, z of (b, k, h, w), and their cosines with the prior (b, k, h, w)."""
     (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
-    x, y, z = lights[..., None, None].float().unbind(2)  # (b, k, 1, 1)
+    x, y, z = at_pixels(lights).float().unbind(2)  # (b, k, 1 or h, 1 or w)
     x, y = c * x + s * y, c * y - s * x  # (b, k, h, w)
     return (x, y, z), nx * x + ny * y + nz * z
 
 
-def tokens(I: Float[Tensor, "b k h w"], lights: Float[Tensor, "b k 3"], shared: Shared) -> Float[Tensor, "b k h w 16"]:
+def tokens(
+    I: Float[Tensor, "b k h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Shared
+) -> Float[Tensor, "b k h w 16"]:
     """What is known of an image at a pixel, in the pixel's frame.
 
     The observation (over the pixel's root mean square) and what it exceeds the prior's shading by, both also as

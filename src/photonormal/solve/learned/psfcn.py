@@ -14,7 +14,7 @@ from photonormal.solve.learned.lambertian_prior import over_images
 from photonormal.solve.learned.layers import conv, deconv, kaiming, unit
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
-from photonormal.solve.learned.network import Network
+from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled
 from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, InputError, Normals
@@ -58,12 +58,12 @@ class PSFCNNet(Network):
         )
         kaiming(self)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3"]) -> None:
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> None:
         return None
 
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3"], shared: Any) -> Pooled:
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         b, k, _, h, w = images.shape
-        lights = lights[..., None, None].expand(b, k, 3, h, w).to(images.dtype)
+        lights = at_pixels(lights).expand(b, k, 3, h, w).to(images.dtype)
         phi = torch.cat([images.expand(b, k, 3, h, w), lights], dim=2)  # (b, k, 6, h, w)
         x = self.extractor(phi.flatten(0, 1).contiguous(memory_format=torch.channels_last))
         return Pooled(over_images(x, k))

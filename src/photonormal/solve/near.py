@@ -1,0 +1,142 @@
+"""Lamps near the object: any method, with normals and depth found in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from photonormal.integrate import integrate
+from photonormal.shading import fall_off, towards
+from photonormal.types import Camera, Capture, Image, Images, InputError, Lamps, Normals
+
+FAINT = 1e-3  # of the light at the object's middle: where less arrives, a sample tells nothing
+
+
+@dataclass(frozen=True)
+class Near:
+    """A method under near lamps, as exact as it is under distant ones where the integration recovers the surface.
+
+    Where the surface lies tells how much light each lamp sends to each pixel, by which samples are divided, and from
+    which side; the method's normals then tell where the surface lies. A plane comes first. Each connected part of the
+    mask stays at the mean depth. In a perspective view each pixel is solved in a frame whose z is its own view.
+
+    Parameters
+    ----------
+    method : any
+    rounds : of normals, then depth, at most
+    settled : root mean square of the surface's last move, relative to the lamps' mean distance, at which to stop
+    """
+
+    method: Callable[[Capture, torch.device], Normals]
+    rounds: int = 10
+    settled: float = 1e-4
+
+    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+        lamps, camera = near(capture)
+        X = camera.flat_mm(capture.mask)
+        still_mm = self.settled * mean_distance(lamps, X)
+        normals = self.normals(capture, X, device)
+        for _ in range(self.rounds - 1):
+            before, X = X, surface_mm(capture, normals)
+            if np.sqrt(((X - before) ** 2).sum(-1).mean()) < still_mm:
+                break
+            normals = self.normals(capture, X, device)
+        return normals
+
+    def normals(self, capture: Capture, X: Float[np.ndarray, "p 3"], device: torch.device) -> Normals:
+        """Normals by the method if the surface were at `X`."""
+        seen = evened(capture, X)
+        _, camera = near(capture)
+        if camera.K is None:
+            return self.method(seen, device)
+        R = turns(-camera.rays(*capture.mask.shape)[capture.mask]).astype(np.float32)  # (p, 3, 3)
+        assert seen.lights_at is not None
+        found = self.method(replace(seen, lights_at=seen.lights_at @ R.swapaxes(1, 2)), device)
+        back = np.zeros_like(found.map)
+        back[capture.mask] = (found.map[capture.mask][:, None] @ R)[:, 0]
+        return replace(found, map=back)
+
+
+def near(capture: Capture) -> tuple[Lamps, Camera]:
+    """The lamps and the camera that places them, or an error that says that they are missing."""
+    if capture.lamps is None or capture.camera is None:
+        raise InputError(
+            f"{capture.name} has no positions of its lights but near lights need them; give light_positions.txt or "
+            "--dome-radius-mm, and --mm-per-px."
+        )
+    return capture.lamps, capture.camera
+
+
+def surface_mm(capture: Capture, normals: Normals) -> Float[np.ndarray, "p 3"]:
+    """Where the mask's pixels lie, by the normals' integral; at the mean depth where there is no normal."""
+    _, camera = near(capture)
+    return camera.points_mm(integrate(normals, K=camera.K).depth)[capture.mask]
+
+
+def evened(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:
+    """The capture as if every lamp sent the same light everywhere, for a surface whose pixels on the mask lie at `X`.
+
+    Its `lights_at` are the directions from there.
+    """
+    lamps, camera = near(capture)
+    arriving = Arriving(lamps, X, mean_distance(lamps, camera.flat_mm(capture.mask)))
+    n = capture.images.shape[0]
+    lights_at = np.empty((len(X), n, 3), np.float32)
+    for j in range(n):
+        lights_at[:, j] = arriving.from_lamp(j)[0]
+    return replace(
+        capture, images=Evened(capture.images, capture.mask, arriving), lamps=None, lights_at=lights_at, saturation=None
+    )
+
+
+def mean_distance(lamps: Lamps, X: Float[np.ndarray, "p 3"]) -> float:
+    """Of all lamps from the middle of the points."""
+    return float(np.linalg.norm(lamps.positions_mm - X.mean(0), axis=1).mean())
+
+
+class Arriving:
+    """What arrives from each lamp at the points `X` (p, 3): directions, and light that is 1 at distance `r0`."""
+
+    def __init__(self, lamps: Lamps, X: Float[np.ndarray, "p 3"], r0: float):
+        self.X, self.r0 = torch.from_numpy(X).float(), r0
+        self.S, self.axes, self.mu = (
+            torch.from_numpy(v).float() for v in (lamps.positions_mm, lamps.axes, lamps.mu)
+        )  # (n, 3), (n, 3), (n,)
+
+    def from_lamp(self, j: int) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
+        """Unit vectors to the lamp, and its light."""
+        one = slice(j, j + 1)
+        L, r = towards(self.X, self.S[one])
+        e = self.r0**2 * fall_off(L, r, self.axes[one], self.mu[one])
+        return L[:, 0].numpy(), e[:, 0].numpy()
+
+
+@dataclass(frozen=True)
+class Evened:
+    """Pictures divided by the light that arrives, one by one (`photonormal.types.Images`); zero where none does."""
+
+    images: Images
+    mask: np.ndarray
+    arriving: Arriving
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.images.shape
+
+    def __getitem__(self, j: int, /) -> Image:
+        _, e = self.arriving.from_lamp(j)
+        image = np.zeros(self.images.shape[1:], np.float32)
+        image[self.mask] = self.images[j][self.mask] * np.where(e > FAINT, 1 / np.maximum(e, FAINT), 0)[:, None]
+        return image
+
+
+def turns(v: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 3"]:
+    """Rotations that take vectors of the camera's side to z, by the shortest way."""
+    x, y, z = np.moveaxis(v / np.linalg.norm(v, axis=-1, keepdims=True), -1, 0)
+    a = 1 / (1 + z)
+    rows = [[1 - a * x * x, -a * x * y, -x], [-a * x * y, 1 - a * y * y, -y], [x, y, z]]
+    return np.moveaxis(np.array(rows), -1, 0)

@@ -48,6 +48,15 @@ def test_convex_and_flat_surfaces_get_nothing():
     assert (found >= 0).float().mean() < 0.01
 
 
+def test_the_top_of_a_step_sends_nothing_to_its_foot():
+    """Both look up, so that neither sees the other; rays from below arrive at the top from behind."""
+    height = torch.zeros(1, S, S)
+    height[:, :, 32:] = 20
+    up = torch.zeros(1, 3, S, S)
+    up[:, 2] = 1
+    assert (bounce.hits(height, height >= 0, up, receivers(), 0) < 0).all()
+
+
 def test_rays_leave_around_the_normal_with_the_cosine():
     N = torch.nn.functional.normalize(torch.randn(1, 50, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
     d = bounce._directions(N, 1)

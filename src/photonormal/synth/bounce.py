@@ -26,7 +26,7 @@ def hits(
     """Pixel that each of RAYS cosine-distributed rays from each receiver pixel meets first; -1 where it meets none.
 
     The height field is marched in steps that grow with distance. A ray that passes well below a visible point passes
-    behind it and goes on.
+    behind it and goes on; one that arrives at a visible point from behind is stopped, and sees nothing that is lit.
     """
     b, s, _ = height.shape
     device = height.device
@@ -61,7 +61,10 @@ def hits(
         before = depth
     last = at(end)
     last = (last // wide - 1).clamp(0, s - 1) * s + (last % wide - 1).clamp(0, s - 1)
-    last = torch.where(end >= 0, last, -1)
+    met = normals.flatten(2).transpose(1, 2).flatten(0, 1)  # (b s s, 3)
+    scene = torch.arange(b, device=device).view(b, 1, 1) * (s * s)
+    front = (met.index_select(0, (last + scene).flatten()).view_as(d) * d).sum(-1) < 0
+    last = torch.where((end >= 0) & front, last, -1)
     none = torch.full((b, len(receivers), RAYS), -1, dtype=torch.int32, device=device)
     return none.scatter(1, chosen[..., None].expand_as(last), last)
 

@@ -121,7 +121,7 @@ def corrupt(I: Pictures, share: Float[np.ndarray, " c"], g: np.random.Generator)
     chosen = torch.where(torch.from_numpy(g.random((k, 1, 1)) < 0.5).to(I.device), half, patch)
     factor = np.where(g.random(k) < 0.65, g.uniform(0.0, 0.75, k), g.uniform(1.3, 2.5, k))
     gain = torch.where(chosen, tensor(factor)[:, None, None].to(I.device), 1.0)
-    wrong = I[window, image] * gain[:, None]
+    wrong = (I[window, image] * gain[:, None]).clamp(max=1)  # of the sensor's range
     shifted = g.random(k) < 0.25
     moves = g.integers(-3, 4, (k, 2))
     for i in np.flatnonzero(shifted):

@@ -45,8 +45,8 @@ def photograph(
     """
     per = noise.view(-1, 1, 1, 1, 1)
     if bool((noise > 0).any()):
-        sigma = per * (I.clamp(0, 1) * 0.9 + 0.1).sqrt_()
-        I = torch.addcmul(I, sigma, torch.randn(I.shape, generator=generator, device=I.device))
+        sigma = I.clamp(0, 1).mul_(0.9).add_(0.1).sqrt_().mul_(per)  # in place: memory costs more than arithmetic here
+        I = sigma.mul_(torch.randn(I.shape, generator=generator, device=I.device)).add_(I)
     I = I.clamp(0, 1)
     levels = (2 ** bits.view(-1, 1, 1, 1, 1) - 1).clamp(min=1)
     return torch.where(levels > 1, (I * levels).round_() / levels, I) if bool((bits > 0).any()) else I

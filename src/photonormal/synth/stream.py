@@ -18,7 +18,7 @@ from photonormal.synth.library import Library, data_folder, library
 from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Recipe, recipe
-from photonormal.synth.scene import Scenes, draw_scenes, frame, render, windows
+from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, render, windows
 from photonormal.synth.sensor import measured
 from photonormal.synth.trace import View, visible_surface
 from photonormal.types import InputError
@@ -28,7 +28,6 @@ T = TypeVar("T")
 GROUP = {"cpu": 8, "cuda": 64}  # scenes drawn and framed together: fits a cache, fills a GPU
 PARTS = {"cpu": 4}  # at least so many groups, where there are scenes enough: work for that many cores
 GROUPS = 8  # how often in vain before giving up
-ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time
 PURPOSES = {"block": 0, "group": 1, "batch": 2}  # so that random numbers of different kinds never meet
 
 

@@ -17,9 +17,10 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.synth.meshes import STATUE
 from photonormal.synth.pathtraced.compare import Compared, compare
 from photonormal.synth.pathtraced.meshes import read_mesh
-from photonormal.synth.pathtraced.objects import STATUE, bowl, sphere, turtle
+from photonormal.synth.pathtraced.objects import bowl, sphere, turtle
 from photonormal.synth.sculptor import KINDS
 
 MATT = np.array([0.8, 0.7, 0.6, 0, 1, 0, 0, 0, 0, 0, 0.0])  # principled parameters

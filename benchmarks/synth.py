@@ -45,7 +45,7 @@ def rate(work: Callable[[int], int], device: torch.device, budget: float) -> tup
 
 def whole(changes: dict, device: torch.device) -> Callable[[int], int]:
     """Scenes of 128 x 128 pixels under 64 lights."""
-    scenes = 4 if device.type == "cpu" else 64
+    scenes = 16 if device.type == "cpu" else 64
     made: Recipe = recipe("train", **{**WHOLE, **changes, "scenes": scenes})
     return lambda k: len(render_block(made, 0, k, device, scenes).mask)
 

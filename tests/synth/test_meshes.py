@@ -6,7 +6,7 @@ import torch
 import trimesh
 
 from photonormal.synth import Stream
-from photonormal.synth.meshes import MeshViews, load_mesh, load_meshes
+from photonormal.synth.meshes import STATUE, MeshViews, load_mesh, load_meshes
 from photonormal.synth.trace import View, visible_surface
 from photonormal.types import InputError
 
@@ -47,6 +47,16 @@ def test_a_stream_of_meshes(folder, monkeypatch):
     batch = next(iter(Stream("train", 4, meshes=str(folder), size=64, crops=2, scenes=2, lights=(4, 4))))
     assert batch.images.shape == (4, 4, 3, 32, 32) and batch.images.isfinite().all()
     assert (batch.mask.float().mean((1, 2, 3)) >= 0.5).all()
+
+
+def test_the_statue_of_the_test_scenes_is_never_shown(folder, tmp_path):
+    ball = (folder / "ball.obj").read_bytes()
+    for name in ("spot/spot.obj", STATUE, "own/Nefertiti.obj"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(ball)
+    assert len(load_meshes(str(tmp_path))) == 1
+    with pytest.raises(InputError, match="but the test scenes' nefertiti"):
+        load_meshes(str(tmp_path / "own"))
 
 
 def write_obj(path, vertices, faces):

@@ -6,7 +6,7 @@ import torch
 from photonormal.shading import LUMA
 from photonormal.solve.classical.woodham import Woodham
 from photonormal.synth.params import rng
-from photonormal.synth.recipes import recipe
+from photonormal.synth.recipes import _NOISELESS, _PERFECT, recipe
 from photonormal.synth.scene import draw_scenes, frame, render
 from photonormal.synth.stream import render_block
 from photonormal.synth.trace import visible_surface
@@ -59,6 +59,15 @@ def test_shadows_only_take_light_and_the_bounce_only_adds_some(seed):
     assert (plain >= 0).all() and plain.isfinite().all()
     assert (shadowed <= plain + 1e-6).all() and (shadowed < plain - 1e-3).any()
     assert (bounced >= shadowed - 1e-6).all() and (bounced > shadowed + 1e-3).any()
+
+
+def test_about_a_tenth_of_what_faces_its_light_is_in_cast_shadow():
+    changes = {**_NOISELESS, **_PERFECT, "bounce": 0.0, "materials": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}
+    shadowed, facing = (
+        (render_block(recipe("train", lights=(6, 6), shadows=on, **changes), 1, 0, CPU, 256).images > 0).sum()
+        for on in (True, False)
+    )
+    assert 0.08 < 1 - shadowed / facing < 0.15
 
 
 def test_nothing_is_brighter_than_the_bound_at_mirror_geometry():

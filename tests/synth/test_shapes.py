@@ -80,3 +80,19 @@ def test_scenes_together_are_the_scenes_one_by_one():
         assert (alone.mask[0] == together.mask[i]).float().mean() > 0.995
         both = alone.mask[0] & together.mask[i]
         assert ((alone.height[0] - together.height[i]).abs()[both] < 0.05).float().mean() > 0.99
+
+
+def test_thin_walls_are_not_stepped_over():
+    """Walls of hollow turned solids, at least a pixel thick along the ray, against marching by half a pixel."""
+    solids = draw_solids(rng(11), 8, (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0))
+    view, g = seen(solids, 8)
+    step = view.pixel[0] / 2
+    x, y = view.rays(64)
+    field, inside = solids.field(), torch.zeros(3, 8, 64**2, dtype=torch.bool)  # at the last three steps
+    first = torch.full((8, 64**2), -torch.inf)
+    for z in torch.arange(1.7, -1.7, -step.item()):
+        inside = torch.stack([*inside[1:], field(torch.stack([x, y, z.expand_as(x)], 1)) < 0])
+        first = torch.where(inside.all(0) & (first == -torch.inf), z, first)
+    there = first > -torch.inf
+    below = ~g.mask.flatten(1) | (g.height.flatten(1) * view.pixel[:, None] < first - 4 * step)
+    assert (there & below).sum() < 0.0015 * there.sum()

@@ -12,8 +12,38 @@ from torch import Tensor
 from photonormal.synth.params import indices
 
 NOTHING = -1e4  # height where there is no surface
-RAYS = 48
+RAYS = 24  # from each receiver
+GLOSS = 20  # exponent of the lobe that one half of them follows
 STEPS = 20
+
+
+def rays(N: Float[Tensor, "b r 3"], seed: int) -> tuple[Float[Tensor, "b r m 3"], Float[Tensor, "b r m"]]:
+    """RAYS directions from each normal, and pi times the density there.
+
+    One half spreads around the normal with the cosine, the other around the mirror image of the view, where gloss shows
+    the camera what it reflects; both are stratified and turned at random for each receiver.
+    """
+    b, r, _ = N.shape
+    k = (torch.arange(RAYS // 2, device=N.device) + 0.5) / (RAYS // 2)
+    phi = torch.arange(RAYS // 2, device=N.device) * (math.pi * (1 + 5**0.5))
+    turn = torch.rand((b, r, 1), generator=torch.Generator().manual_seed(seed)).to(N.device) * (2 * math.pi)
+    mirror = 2 * N[..., 2:] * N - N.new_tensor([0.0, 0.0, 1.0])
+    d = torch.cat([_around(N, k.sqrt(), phi + turn), _around(mirror, k ** (1 / (GLOSS + 1)), phi - turn)], 2)
+    gloss = (GLOSS + 1) / 2 * (d @ mirror[..., None])[..., 0].clamp(min=0) ** GLOSS
+    return d, ((d @ N[..., None])[..., 0].clamp(min=0) + gloss) / 2
+
+
+def _around(axis: Float[Tensor, "b r 3"], w: Tensor, phi: Tensor) -> Float[Tensor, "b r m 3"]:
+    """Unit vectors at the cosine `w` from an axis, at the angle `phi` about it."""
+    x, y, z = (c[..., None] for c in axis.unbind(-1))
+    z = z.clamp(min=-0.99)
+    a = -1 / (1 + z)  # Duff et al., JCGT 2017: a tangent frame without a square root
+    c = x * y * a
+    t1 = torch.cat([1 + x * x * a, c, -x], -1)[:, :, None]
+    t2 = torch.cat([c, 1 + y * y * a, -y], -1)[:, :, None]
+    radius = (1 - w**2).sqrt()
+    u, v = radius * torch.cos(phi), radius * torch.sin(phi)
+    return u[..., None] * t1 + v[..., None] * t2 + w[:, None] * axis[:, :, None]
 
 
 def hits(
@@ -21,20 +51,20 @@ def hits(
     mask: Bool[Tensor, "b s s"],
     normals: Float[Tensor, "b 3 s s"],
     receivers: Int[Tensor, " r"],
-    seed: int,
+    directions: Float[Tensor, "b r m 3"],
 ) -> Int[Tensor, "b r m"]:
-    """Pixel that each of RAYS cosine-distributed rays from each receiver pixel meets first; -1 where it meets none.
+    """Pixel that each ray from a receiver pixel meets first; -1 where it meets none, or begins below the surface.
 
     The height field is marched in steps that grow with distance. A ray that passes well below a visible point passes
-    behind it and goes on.
+    behind it and goes on; one that arrives at a visible point from behind is stopped, and sees nothing that is lit.
     """
     b, s, _ = height.shape
-    device = height.device
+    device, m = height.device, directions.shape[2]
     every = mask.flatten(1)[:, receivers]  # (b, r)
     chosen = indices(every)  # (b, q): those on the surface
     pixel = receivers[chosen]
     N = normals.flatten(2).gather(2, pixel[:, None].expand(-1, 3, -1)).transpose(1, 2)  # (b, q, 3)
-    d = _directions(N, seed)  # (b, q, m, 3)
+    d = directions.gather(1, chosen[..., None, None].expand(-1, -1, m, 3))  # (b, q, m, 3)
     dx, dy, dz = d[..., 0], -d[..., 1], d[..., 2]
     x, y, z = N[..., None].unbind(2)  # rays begin one pixel off the surface, at (col, row, z) in a frame one wider
     col, row = (pixel % s)[..., None] + 1.5 + x, (pixel // s)[..., None] + 1.5 - y
@@ -43,7 +73,7 @@ def hits(
     flat = F.pad(torch.where(mask, height, NOTHING), (1, 1, 1, 1), value=NOTHING).flatten()
     scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (wide * wide)
     end = torch.full(d.shape[:3], -1.0, device=device)  # length of each ray
-    open = every.gather(1, chosen)[..., None].expand_as(end)
+    open = every.gather(1, chosen)[..., None] & ((d @ N[..., None])[..., 0] > 0)
     before = torch.full_like(end, -1.0)
     reach = torch.cumsum((s / 12) ** torch.linspace(0, 1, STEPS), 0)
     reach = reach * (1.2 * s / reach[-1])
@@ -61,50 +91,31 @@ def hits(
         before = depth
     last = at(end)
     last = (last // wide - 1).clamp(0, s - 1) * s + (last % wide - 1).clamp(0, s - 1)
-    last = torch.where(end >= 0, last, -1)
-    none = torch.full((b, len(receivers), RAYS), -1, dtype=torch.int32, device=device)
+    met = normals.flatten(2).transpose(1, 2).flatten(0, 1)  # (b s s, 3)
+    scene = torch.arange(b, device=device).view(b, 1, 1) * (s * s)
+    front = (met.index_select(0, (last + scene).flatten()).view_as(d) * d).sum(-1) < 0
+    last = torch.where((end >= 0) & front, last, -1)
+    none = torch.full((b, len(receivers), m), -1, dtype=torch.int32, device=device)
     return none.scatter(1, chosen[..., None].expand_as(last), last)
 
 
-def _directions(N: Float[Tensor, "b r 3"], seed: int) -> Float[Tensor, "b r m 3"]:
-    """Rays around each normal with density cos / pi: a stratified set, turned at random for each receiver."""
-    b, r, _ = N.shape
-    k = torch.arange(RAYS, device=N.device) + 0.5
-    radius, phi = (k / RAYS).sqrt(), k * (math.pi * (1 + 5**0.5))
-    turn = torch.rand((b, r, 1), generator=torch.Generator().manual_seed(seed)).to(N.device) * (2 * math.pi)
-    u, v, w = radius * torch.cos(phi + turn), radius * torch.sin(phi + turn), (1 - radius**2).sqrt().expand(b, r, -1)
-    x, y, z = (c[..., None] for c in N.unbind(-1))
-    z = z.clamp(min=-0.99)
-    a = -1 / (1 + z)  # Duff et al., JCGT 2017: a tangent frame without a square root
-    c = x * y * a
-    t1 = torch.cat([1 + x * x * a, c, -x], -1)[:, :, None]
-    t2 = torch.cat([c, 1 + y * y * a, -y], -1)[:, :, None]
-    return u[..., None] * t1 + v[..., None] * t2 + w[..., None] * N[:, :, None]
+def gather(rows: Float[Tensor, "b q k"], row: Int[Tensor, "b r m"]) -> Float[Tensor, "b r k"]:
+    """Sum of what arrives along a receiver's rays: of the rows that `row` names, -1 for none."""
+    b, q, k = rows.shape
+    index = torch.where(row >= 0, row + torch.arange(b, device=row.device).view(b, 1, 1) * q, b * q).flatten(0, 1)
+    table = torch.cat([rows.flatten(0, 1), rows.new_zeros(1, k)])
+    return F.embedding_bag(index, table, mode="sum", padding_idx=b * q).view(b, -1, k)
 
 
-def gather(
-    found: Int[Tensor, "b r m"], radiance: Float[Tensor, "b q k"], stride: int, size: int
-) -> Float[Tensor, "b r k"]:
-    """Mean radiance over a receiver's rays; `radiance` is known on every `stride`-th pixel of each row and column."""
-    b, q, k = radiance.shape
-    side = size // stride
-    patch = (found // size // stride) * side + (found % size) // stride  # (b, r, m)
-    offset = torch.arange(b, device=found.device).view(b, 1, 1) * q
-    index = torch.where(found >= 0, patch + offset, b * q).flatten(0, 1)
-    table = torch.cat([radiance.reshape(b * q, k), radiance.new_zeros(1, k)])
-    return F.embedding_bag(index, table, mode="sum", padding_idx=b * q).view(b, -1, k) / RAYS
-
-
-def spread(
-    values: Float[Tensor, "b r k"],
+def between(
     on: Bool[Tensor, "b r"],
     normals: Float[Tensor, "b r 3"],
     pixel: Int[Tensor, "b p"],
     own: Float[Tensor, "b p 3"],
     size: int,
-) -> Float[Tensor, "b p k"]:
-    """Values of the receivers' grid at pixels: bilinear, weighted towards receivers that face the same way."""
-    b, r, k = values.shape
+) -> tuple[Int[Tensor, "bp 4"], Float[Tensor, "bp 4"]]:
+    """The four receivers around each pixel and their weights: bilinear, towards receivers that face the same way."""
+    b, r = on.shape
     side = math.isqrt(r)
     c = ((pixel % size).float() + 0.5) * (side / size) - 0.5
     w = ((pixel // size).float() + 0.5) * (side / size) - 0.5
@@ -121,6 +132,12 @@ def spread(
             taps.append(at)
     weight = torch.stack(weights, -1)
     weight = weight / weight.sum(-1, keepdim=True).clamp(min=1e-6)
-    index = torch.stack(taps, -1).flatten(0, 1)
-    out = F.embedding_bag(index, values.reshape(b * r, k), mode="sum", per_sample_weights=weight.flatten(0, 1))
-    return out.view(b, -1, k)
+    return torch.stack(taps, -1).flatten(0, 1), weight.flatten(0, 1)
+
+
+def spread(
+    values: Float[Tensor, "b r k"], taps: Int[Tensor, "bp 4"], weights: Float[Tensor, "bp 4"]
+) -> Float[Tensor, "b p k"]:
+    """Values of the receivers' grid at pixels, by the answer of `between`."""
+    b, _, k = values.shape
+    return F.embedding_bag(taps, values.flatten(0, 1), mode="sum", per_sample_weights=weights).view(b, -1, k)

@@ -16,6 +16,7 @@ from photonormal.synth.params import rotations, tensor
 from photonormal.types import InputError
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb")
+STATUE = "nefertiti/nefertiti-lowres.obj"  # of the test scenes: no recipe shows what has its name
 CANDIDATES = 2**24  # pixels of triangles' boxes that are tested at a time
 
 
@@ -151,11 +152,15 @@ def load_mesh(path: Path | str) -> Mesh:
 
 @lru_cache(maxsize=4)
 def load_meshes(folder: str) -> tuple[Mesh, ...]:
-    """All meshes in a folder and its subfolders, by name."""
-    paths = sorted(p for p in Path(folder).rglob("*") if p.suffix.lower() in SUFFIXES)
+    """All meshes in a folder and its subfolders, by name, but the statue that is kept for tests."""
+    kept_out = Path(STATUE).parts[0]
+    paths = sorted(p.relative_to(folder) for p in Path(folder).rglob("*") if p.suffix.lower() in SUFFIXES)
+    paths = [path for path in paths if kept_out not in str(path).lower()]
     if not paths:
-        raise InputError(f"{folder} holds no {', '.join(SUFFIXES)}; give a folder of meshes.")
-    return tuple(load_mesh(path) for path in paths)
+        raise InputError(
+            f"{folder} holds no {', '.join(SUFFIXES)} but the test scenes' {kept_out}; give a folder of meshes."
+        )
+    return tuple(load_mesh(Path(folder) / path) for path in paths)
 
 
 def draw_views(g: np.random.Generator, b: int, folder: str) -> MeshViews:

@@ -26,7 +26,7 @@ class Recipe:
     hollows: float = 2.0  # how strongly half of the windows prefer parts below their surroundings
     zoom: float = 0.45  # share of scenes that show a part of the object only
     # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned, piles
-    shapes: tuple[float, ...] = (0.25, 0.15, 0.17, 0.13, 0.07, 0.11, 0.12)
+    shapes: tuple[float, ...] = (0.22, 0.13, 0.17, 0.15, 0.06, 0.14, 0.13)
     detail: float = 1.0  # 0: smooth
     solid: str = "drawn"  # "bust": one fixed sculpture instead of drawn shapes
     meshes: str | None = None  # folder of OBJ files, seen instead of drawn shapes

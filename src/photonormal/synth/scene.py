@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,16 +16,17 @@ from photonormal.synth import bounce
 from photonormal.synth.bust import busts, glazes
 from photonormal.synth.library import Library
 from photonormal.synth.lights import draw_lights
-from photonormal.synth.materials import Coats, draw_coats, dress, radiance, skins_albedo
+from photonormal.synth.materials import Coats, Skin, at_points, draw_coats, dress, radiance, skins_albedo
 from photonormal.synth.meshes import draw_views
-from photonormal.synth.params import log_uniform, tensor
+from photonormal.synth.params import indices, log_uniform, tensor
 from photonormal.synth.recipes import Recipe
 from photonormal.synth.sculptor import draw_solids
 from photonormal.synth.shadows import horizon, reached
 from photonormal.synth.trace import Geometry, Solid, View, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
-PATCH, RECEIVER = 2, 4  # pixels between the samples that send and that receive bounced light
+ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time: what a cache or a GPU holds
+PATCH, RECEIVER = 2, 2  # pixels between the samples that send and that receive bounced light
 
 
 @dataclass(frozen=True)
@@ -123,67 +125,106 @@ def render(
 ) -> Float[Tensor, "b n 3 p"]:
     """Radiance over irradiance of a white surface (1 at its brightest) at some pixels, for each light."""
     b, s, _ = geometry.mask.shape
-    p, L = pixels.shape[1], scenes.lights
+    p = pixels.shape[1]
     pixels = pixels.to(torch.int32)
     grid = torch.arange(0, s, PATCH, device=pixels.device, dtype=torch.int32)
     patches = (grid[:, None] * s + grid).flatten().expand(b, -1)  # (b, q)
     reflecting = bool(scenes.bounce.any())
     every = torch.cat([pixels, patches], 1) if reflecting else pixels
-
-    def at(values: Tensor) -> Tensor:
-        return values.flatten(2).gather(2, every.long()[:, None].expand(-1, values.shape[1], -1))
-
-    N, on = at(geometry.normals), at(geometry.mask[:, None])[:, 0]  # (b, 3, p + q)
-    z = at(geometry.height[:, None])[:, 0]
-    lz, visible = L[..., 2:], 1.0
+    N, on = at_points(geometry.normals, every), at_points(geometry.mask[:, None], every)  # (b, 3 or 1, p + q)
+    z = at_points(geometry.height[:, None], every)[:, 0]
     field = torch.where(geometry.mask, geometry.height, EMPTY)
-    if recipe.distance is None:
-        cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)  # (b, n, p + q)
-        if recipe.shadows:
-            visible = horizon(field, L).visibility(every, z, N)
-    else:  # lamps at distance * L from the middle of the surface, in half widths of the window
-        X = torch.stack([every % s - (s - 1) / 2, (s - 1) / 2 - every // s, z - _middle(geometry)], -1)  # pixels
-        S = recipe.distance * s / 2 * L
-        if recipe.shadows:
-            visible = reached(field, X, _middle(geometry), S)
-        L, r = towards(X, S)  # (b, p + q, n, 3)
-        cos_l = cosines(N.transpose(1, 2), L).transpose(1, 2)
-        lz = L[..., 2].transpose(1, 2)[..., :p]
-        visible = visible * (recipe.distance * s / 2) ** 2 * fall_off(L, r).transpose(1, 2)
-    lit = shade(visible, cos_l) * on[:, None]
-    points = at(geometry.points)  # (b, 3, p + q)
-    skins = dress(scenes.coats, points[..., :p], shelf)
-    albedo = skins_albedo(skins, b)  # (b, 3, p)
-    lv = (2 + 2 * lz).sqrt()  # |l + v|, (b, n, 1 or p)
+    skins = dress(scenes.coats, at_points(geometry.points, pixels), shelf)
+    albedo = skins_albedo(skins, b)[:, None]  # (b, 1, 3, p)
+    ambient = scenes.ambient.view(b, 1, 1, 1) * albedo * on[:, None, :, :p]
     cos_v = N[:, None, 2, :p]
-    cos_h = ((cos_l[..., :p] + cos_v) / lv).clamp(max=1)
-    out = radiance(skins, cos_l[..., :p], cos_v, cos_h, lv / 2) * lit[:, :, None, :p]
-    if reflecting:
-        sender = skins_albedo(dress(scenes.coats, points[..., p:], shelf), b)  # (b, 3, q)
-        arriving = _bounced(scenes, geometry, pixels, N[..., :p], lit[..., p:], sender, seed)
-        out += albedo[:, None] * arriving
-    out += (scenes.ambient.view(b, 1, 1, 1) * albedo[:, None]) * on[:, None, None, :p]
-    return out
+    bounced = _bounced(scenes, geometry, pixels, N[..., :p], shelf, seed) if reflecting else None
+
+    def under(L: Tensor) -> Float[Tensor, "b m 3 p"]:
+        """Images under some of the lights."""
+        if recipe.distance is None:
+            cos_l, lz = cosines(N.transpose(1, 2), L).transpose(1, 2), L[..., 2:]  # (b, m, p + q), (b, m, 1)
+            visible = horizon(field, L).visibility(every, z, N) if recipe.shadows else 1.0
+        else:
+            cos_l, lz, visible = _under_lamps(recipe, geometry, field, every, z, N, L)
+        lit = shade(visible * on, cos_l)
+        lv = (2 + 2 * lz[..., :p]).sqrt()  # |l + v|, (b, m, 1 or p)
+        cos_l = cos_l[..., :p]
+        out = radiance(skins, cos_l, cos_v, ((cos_l + cos_v) / lv).clamp(max=1), lv / 2) * lit[:, :, None, :p]
+        if bounced is not None:
+            out += albedo * bounced(L, lit[..., p:])
+        return out + ambient
+
+    few = max(1, ELEMENTS.get(pixels.device.type, 2**27) // every.numel())
+    return torch.cat([under(L) for L in scenes.lights.split(few, 1)], 1)
 
 
-def _middle(geometry: Geometry) -> Float[Tensor, "b 1"]:
-    """Mean height of the surface."""
-    return (geometry.height.flatten(1).sum(1) / geometry.mask.flatten(1).sum(1).clamp(min=1))[:, None]
+def _under_lamps(
+    recipe: Recipe,
+    geometry: Geometry,
+    field: Float[Tensor, "b s s"],
+    pixel: Int[Tensor, "b p"],
+    z: Float[Tensor, "b p"],
+    N: Float[Tensor, "b 3 p"],
+    L: Float[Tensor, "b n 3"],
+) -> tuple[Float[Tensor, "b n p"], Float[Tensor, "b n p"], Float[Tensor, "b n p"]]:
+    """Cosines, lights' z, and what arrives from lamps at distance * L from the surface's middle, in half widths."""
+    assert recipe.distance is not None
+    s = field.shape[-1]
+    middle = (geometry.height.flatten(1).sum(1) / geometry.mask.flatten(1).sum(1).clamp(min=1))[:, None]  # height
+    X = torch.stack([pixel % s - (s - 1) / 2, (s - 1) / 2 - pixel // s, z - middle], -1)  # (b, p, 3) pixels
+    S = recipe.distance * s / 2 * L
+    D, r = towards(X, S)  # (b, p, n, 3), (b, p, n)
+    arriving = (recipe.distance * s / 2) ** 2 * fall_off(D, r).transpose(1, 2)
+    if recipe.shadows:
+        arriving = arriving * reached(field, X, middle, S)
+    return cosines(N.transpose(1, 2), D).transpose(1, 2), D[..., 2].transpose(1, 2), arriving
 
 
 def _bounced(
-    scenes: Scenes, geometry: Geometry, pixels: Tensor, N: Tensor, lit: Tensor, albedo: Tensor, seed: int
-) -> Float[Tensor, "b n 3 p"]:
-    """Light that reaches pixels from what they see of the surface: patches lit by (b, n, q), of albedo (b, 3, q)."""
+    scenes: Scenes, geometry: Geometry, pixels: Tensor, N: Float[Tensor, "b 3 p"], shelf: Library | None, seed: int
+) -> Callable[[Tensor, Tensor], Tensor]:
+    """From lights (b, n, 3) and how they light patches (b, n, q) to what pixels reflect (b, n, 3, p), over albedo.
+
+    Ways from the camera by receivers to what they see are found once, with how much of the light along each a receiver
+    sends to the camera; what is seen reflects each light into them by its own material.
+    """
     b, s, _ = geometry.mask.shape
-    n = lit.shape[1]
     grid = torch.arange(RECEIVER // 2, s, RECEIVER, device=pixels.device)
     receivers = (grid[:, None] * s + grid).flatten()
-    found = bounce.hits(geometry.height, geometry.mask, geometry.normals, receivers, seed)
-    sent = (lit[:, :, None] * albedo[:, None]).permute(0, 3, 1, 2).flatten(2)  # (b, q, n 3)
-    sent = sent * scenes.bounce.view(b, 1, 1)
-    arriving = bounce.gather(found, sent, PATCH, s)  # (b, r, n 3)
     on = geometry.mask.flatten(1)[:, receivers]
     M = geometry.normals.flatten(2)[:, :, receivers].transpose(1, 2)
-    out = bounce.spread(arriving, on, M, pixels, N.transpose(1, 2), s)  # (b, p, n 3)
-    return out.view(b, -1, n, 3).permute(0, 2, 3, 1)
+    near = bounce.between(on, M, pixels, N.transpose(1, 2), s)
+    directions, density = bounce.rays(M, seed)
+    found = bounce.hits(geometry.height, geometry.mask, geometry.normals, receivers, directions)
+    met = (found >= 0).flatten(1)  # (b, r m)
+    way = indices(met)  # (b, k)
+    row = torch.where(found >= 0, (met.cumsum(1) - 1).view_as(found), -1)  # number of each ray among the ways
+
+    def along(values: Tensor) -> Tensor:
+        return values.flatten(1, 2).gather(1, way)
+
+    d = torch.stack([along(x) for x in directions.unbind(-1)], 1)  # (b, 3, k) from the receiver
+    here, there = receivers[way // bounce.RAYS], along(found).clamp(min=0)
+
+    def skins(pixel: Tensor) -> tuple[list[Skin], Tensor]:
+        return dress(scenes.coats, at_points(geometry.points, pixel), shelf), at_points(geometry.normals, pixel)
+
+    coat, n = skins(here)
+    cos_l, lv = (n * d).sum(1, keepdim=True), (2 + 2 * d[:, 2:]).clamp(min=1e-6).sqrt()
+    share = radiance(coat, cos_l, n[:, 2:], ((cos_l + n[:, 2:]) / lv).clamp(max=1), lv / 2)[:, 0]  # (b, 3, k)
+    share = share * (cos_l / along(density)[:, None] / bounce.RAYS) * scenes.bounce.view(b, 1, 1)
+    share = share / skins_albedo(coat, b).clamp(min=0.01)
+    coat, n = skins(there)
+    patch = (there // s // PATCH) * (s // PATCH) + there % s // PATCH
+    cos_o = -(n * d).sum(1, keepdim=True)
+
+    def reflected(L: Tensor, lit: Tensor) -> Tensor:
+        lo = (2 - 2 * L @ d).clamp(min=1e-6).sqrt()  # |l + o|, (b, n, k)
+        cos_l = cosines(n.transpose(1, 2), L).transpose(1, 2)
+        sent = radiance(coat, cos_l, cos_o, ((cos_l + cos_o) / lo).clamp(max=1), lo / 2)  # (b, n, 3, k)
+        sent *= lit.gather(2, patch[:, None].expand(-1, lit.shape[1], -1))[:, :, None] * share[:, None]
+        values = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, r, n 3)
+        return bounce.spread(values, *near).view(b, -1, lit.shape[1], 3).permute(0, 2, 3, 1)
+
+    return reflected

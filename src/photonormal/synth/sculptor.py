@@ -21,13 +21,11 @@ def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughnes
     lathe = turned | plain_lathe
     parts = _parts(g, b, kind, plain_lathe)
     holes = Ellipsoids(
-        tensor(rotations(g, (b, HOLES)) / log_uniform(g, 0.2, 0.6, (b, HOLES, 3, 1))),
+        tensor(rotations(g, (b, HOLES)) / log_uniform(g, 0.2, [[0.5], [0.5], [0.9]], (b, HOLES, 3, 1))),
         tensor(unit_vectors(g, (b, HOLES)) * g.uniform(0.2, 0.8, (b, HOLES, 1)) * [1, 1, 0.4] + [0, 0, 0.5]),
         torch.full((b, HOLES), 2.0),
         torch.from_numpy(
-            ((blobs & (g.random(b) < 0.55)) | (figure & (g.random(b) < 0.35)) | (machined & (g.random(b) < 0.6)))[
-                :, None
-            ]
+            (g.random(b) < np.select([blobs, figure | relief, machined], [0.65, 0.45, 0.8], 0.0))[:, None]
             & (np.arange(HOLES) < g.integers(1, HOLES + 1, b)[:, None])
         ),
     )
@@ -45,7 +43,7 @@ def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughnes
         tensor(unit_vectors(g, (b, CUTS))),
         tensor(np.where(cutting, g.uniform(0.1, 0.7, (b, CUTS)), 2 * FAR)),
         tensor(wall_n / np.linalg.norm(wall_n, axis=-1, keepdims=True)),
-        tensor(np.where(wall, g.uniform(-0.6, -0.05, b), -2 * FAR)),
+        tensor(np.where(wall, g.uniform(-0.85, -0.15, b), -2 * FAR)),
         tensor(np.where((machined | blobs) & (g.random(b) < 0.35), g.uniform(-2.2, 2.2, b), 0.0)),
         _detail(g, b, kind, roughness),
     )
@@ -65,9 +63,9 @@ def _parts(g: np.random.Generator, b: int, kind: np.ndarray, none: np.ndarray) -
     turn = rotations(g, (b, PARTS))
     c = unit_vectors(g, (b, PARTS)) * (g.random((b, PARTS, 1)) ** 0.5 * 0.75)
     c[:, 0] *= 0.2
-    c[relief] *= [1.2, 1.2, 0.25]
-    c[figure] *= [0.75, 1.25, 0.75]
-    c[pile] *= [1.25, 1.25, 0.8]
+    c[relief] *= [1.2, 1.2, 0.5]
+    c[figure] *= [0.75, 1.25, 0.95]
+    c[pile] *= [1.25, 1.25, 1.0]
     c[plain] = 0
     count = np.select(
         [plain, blobs, figure | pile, relief, machined],
@@ -140,7 +138,7 @@ def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) 
         """A slope of the displaced surface, zero in most scenes."""
         return scale * rich * (g.random(b) < share) * g.uniform(low, high, b)
 
-    slope = np.stack([sometimes(0.7, 0.1, 0.5), sometimes(0.6, 0.08, 0.45), sometimes(0.35, 0.05, 0.3)], -1)
+    slope = np.stack([sometimes(0.7, 0.1, 0.65), sometimes(0.6, 0.08, 0.45), sometimes(0.35, 0.05, 0.3)], -1)
     slope[:, 0] *= np.where(turned, 0.3, 1)
     fold = log_uniform(g, 8, 26, b)
     direction = unit_vectors(g, (b,)) * [1, 0.5, 0.5]

@@ -45,8 +45,8 @@ def photograph(
     """
     per = noise.view(-1, 1, 1, 1, 1)
     if bool((noise > 0).any()):
-        sigma = per * (I.clamp(0, 1) * 0.9 + 0.1).sqrt_()
-        I = torch.addcmul(I, sigma, torch.randn(I.shape, generator=generator, device=I.device))
+        sigma = I.clamp(0, 1).mul_(0.9).add_(0.1).sqrt_().mul_(per)  # in place: memory costs more than arithmetic here
+        I = sigma.mul_(torch.randn(I.shape, generator=generator, device=I.device)).add_(I)
     I = I.clamp(0, 1)
     levels = (2 ** bits.view(-1, 1, 1, 1, 1) - 1).clamp(min=1)
     return torch.where(levels > 1, (I * levels).round_() / levels, I) if bool((bits > 0).any()) else I
@@ -121,7 +121,7 @@ def corrupt(I: Pictures, share: Float[np.ndarray, " c"], g: np.random.Generator)
     chosen = torch.where(torch.from_numpy(g.random((k, 1, 1)) < 0.5).to(I.device), half, patch)
     factor = np.where(g.random(k) < 0.65, g.uniform(0.0, 0.75, k), g.uniform(1.3, 2.5, k))
     gain = torch.where(chosen, tensor(factor)[:, None, None].to(I.device), 1.0)
-    wrong = I[window, image] * gain[:, None]
+    wrong = (I[window, image] * gain[:, None]).clamp(max=1)  # of the sensor's range
     shifted = g.random(k) < 0.25
     moves = g.integers(-3, 4, (k, 2))
     for i in np.flatnonzero(shifted):

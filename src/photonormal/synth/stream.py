@@ -18,7 +18,7 @@ from photonormal.synth.library import Library, data_folder, library
 from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Recipe, recipe
-from photonormal.synth.scene import Scenes, draw_scenes, frame, render, windows
+from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, render, windows
 from photonormal.synth.sensor import measured
 from photonormal.synth.trace import View, visible_surface
 from photonormal.types import InputError
@@ -26,8 +26,8 @@ from photonormal.types import InputError
 T = TypeVar("T")
 
 GROUP = {"cpu": 8, "cuda": 64}  # scenes drawn and framed together: fits a cache, fills a GPU
+PARTS = {"cpu": 4}  # at least so many groups, where there are scenes enough: work for that many cores
 GROUPS = 8  # how often in vain before giving up
-ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time
 PURPOSES = {"block": 0, "group": 1, "batch": 2}  # so that random numbers of different kinds never meet
 
 
@@ -86,10 +86,10 @@ def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, sample
     n = lights_of(recipe, seed, k)
     parts: list[Batch] = []
     missing, count = samples, 0  # windows to render, groups so far
-    size = GROUP.get(device.type, 64)
     with workers(device) as work:
         while missing > 0:
             scenes = -(-missing // recipe.crops)
+            size = min(GROUP.get(device.type, 64), -(-scenes // PARTS.get(device.type, 1)))
             sizes = [min(size, scenes - first) for first in range(0, scenes, size)]
             keys = [(seed, k, count + i) for i in range(len(sizes))]
             tasks = [partial(render_group, recipe, key, b, n, device) for key, b in zip(keys, sizes, strict=True)]

@@ -143,8 +143,8 @@ def _approach(base: Field, x: Tensor, y: Tensor, spread: Tensor, shortest: Tenso
 def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple[Tensor, Tensor]:
     """First crossing from outside to inside along -z from `z`: its depth, and whether there is one.
 
-    A step is the distance, or somewhat longer where that shrinks more slowly than the ray advances; a step too far ends
-    inside the solid, and the root lies between its ends.
+    A step is the distance over the rate at which it shrank along the last one, a little longer than the distance at
+    most; a step too far ends inside the solid, and the root lies between its ends.
     """
     high, low = z.clone(), torch.zeros_like(z)  # the last point outside, the first inside
     d_high, d_low = torch.full_like(z, NONE), torch.zeros_like(z)  # the distances there
@@ -167,7 +167,7 @@ def _cross(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor) -> tuple
             lo, di_low = torch.lerp(lo, zi, now), torch.lerp(di_low, d, now)
             going = going & ~inside & (zi > -REACH)
             rate = (di_high - d) / (hi - zi).clamp(min=1e-6)  # huge before the second step
-            step = torch.minimum(d / rate.clamp(min=0.25, max=1.0), d + 4 * shortest).maximum(shortest)
+            step = torch.minimum(d / rate.clamp(min=0.25, max=2.0), d + 2 * shortest).maximum(shortest)
             # a ray that begins inside, under a rare peak, goes back first
             step = torch.lerp(step, 2 * d - 4 * shortest, ((d < 0) & ~begun).to(d.dtype))
             on = going.to(d.dtype)

@@ -42,18 +42,20 @@ class Principled:
         t = (a2 - 1) * cos_h.square() + 1
         k = (0.5 + rough / 2).square().square()
         lobe = a2 / (math.pi * t.square()) * _smith(cos_l, k) * _smith(cos_v, k)  # (..., p)
-        c2 = torch.lerp(torch.full_like(gloss, 0.1), torch.full_like(gloss, 0.01), gloss).square()
-        c = (c2 - 1) / (math.pi * torch.log(c2) * (1 + (c2 - 1) * cos_h.square()))
-        c = 0.25 * coat * c * (0.04 + 0.96 * F) * _smith(cos_l, 0.0625) * _smith(cos_v, 0.0625)
-        cloth = (F * (1 - metallic) * sheen).unsqueeze(-2) * torch.lerp(
-            torch.ones_like(hue), hue, sheen_tint.unsqueeze(-2)
-        )
-        F = F.unsqueeze(-2)
-        return (F0 + (1 - F0) * F) * lobe.unsqueeze(-2) + c.unsqueeze(-2) + cloth
+        out = torch.addcmul(F0, 1 - F0, F.unsqueeze(-2)).mul_(lobe.unsqueeze(-2))  # (..., 3, p)
+        if bool((coat > 0).any()):
+            c2 = torch.lerp(torch.full_like(gloss, 0.1), torch.full_like(gloss, 0.01), gloss).square()
+            c = (c2 - 1) / (math.pi * torch.log(c2) * (1 + (c2 - 1) * cos_h.square()))
+            c = 0.25 * coat * c * (0.04 + 0.96 * F) * _smith(cos_l, 0.0625) * _smith(cos_v, 0.0625)
+            out += c.unsqueeze(-2)
+        if bool((sheen > 0).any()):
+            colour = torch.lerp(torch.ones_like(hue), hue, sheen_tint.unsqueeze(-2))
+            out.addcmul_(((1 - metallic) * sheen).unsqueeze(-2) * colour, F.unsqueeze(-2))
+        return out
 
     def __call__(self, cos_l: Tensor, cos_v: Tensor, cos_h: Tensor, cos_d: Tensor) -> Float[Tensor, "*n 3 p"]:
         matt = self.matt(cos_l, cos_v, cos_d).unsqueeze(-2) / math.pi
-        return self.base() * matt + self.specular(cos_l, cos_v, cos_h, cos_d)
+        return torch.addcmul(self.specular(cos_l, cos_v, cos_h, cos_d), self.base(), matt)
 
 
 def _fifth(x: Tensor) -> Tensor:

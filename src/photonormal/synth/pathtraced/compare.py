@@ -154,7 +154,7 @@ def compare(
     mask = seen.mask if own is None else seen.mask & own.mask[0].numpy()
     field = torch.where(geometry.mask, geometry.height, EMPTY)
     pixels = torch.arange(size * size, dtype=torch.int32)[None]
-    visible = horizon(field, scenes.lights).visibility(pixels, geometry.height.flatten(1))[0].view(n, size, size)
+    visible = horizon(field, scenes.lights).visibility(pixels, geometry.height.flatten(1), geometry.normals.flatten(2))
     facing = np.einsum("hwc,nc->nhw", seen.normals, L) > 0
     return Compared(
         name or (kind if isinstance(kind, str) else "mesh"),
@@ -165,7 +165,7 @@ def compare(
             _render(replace(scenes, bounce=torch.tensor([True])), geometry, made),
             tracer.trace(scene, camera, L, samples, 1, centred=True),
         ),
-        ((visible.numpy() > 0.5) & facing & mask, tracer.reached(scene, camera, L) & mask),
+        ((visible[0].view(n, size, size).numpy() > 0.5) & facing & mask, tracer.reached(scene, camera, L) & mask),
         (seen.normals if own is None else own.normals[0].permute(1, 2, 0).numpy(), seen.normals),
         None if own is None else _render(straight, own, made),
     )

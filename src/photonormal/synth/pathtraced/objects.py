@@ -8,10 +8,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.synth.meshes import STATUE
 from photonormal.synth.pathtraced.meshes import Mesh, polygonise, read_mesh
 from photonormal.types import InputError
-
-STATUE = "nefertiti/nefertiti-lowres.obj"  # held out: no recipe may train on it
 
 
 def sphere(meshes: Path | None = None) -> Mesh:

@@ -246,7 +246,7 @@ def _palette(g: np.random.Generator) -> np.ndarray:
 
 
 def _principled(g: np.random.Generator) -> np.ndarray:
-    kind = g.choice(["matt", "plastic", "metal", "cloth", "coated"], p=[0.2, 0.28, 0.28, 0.08, 0.16])
+    kind = g.choice(["matt", "plastic", "metal", "cloth", "coated", "glazed"], p=[0.19, 0.23, 0.25, 0.07, 0.12, 0.14])
     value, saturation, hue = g.uniform(0.15, 0.95), g.beta(1.1, 2.2), g.uniform(0, 2 * np.pi)
     base = value * (1 - 0.85 * saturation * (0.5 + 0.5 * np.cos(hue + np.array([0, 2.1, 4.2]))))
     metallic, rough, spec = 0.0, g.uniform(0.45, 1), g.uniform(0, 0.4)
@@ -263,6 +263,9 @@ def _principled(g: np.random.Generator) -> np.ndarray:
         rough, sheen = g.uniform(0.7, 1), g.uniform(0.3, 1)
     elif kind == "coated":
         rough, coat, gloss = g.uniform(0.3, 0.9), g.uniform(0.4, 1), g.uniform(0, 0.75)
+    elif kind == "glazed":  # dark, under a sharp highlight
+        rough, spec = log_uniform(g, 0.15, 0.4, ()), g.uniform(0.4, 0.9)
+        base = base * log_uniform(g, 0.04, 0.6, ())
     return np.array([*base, metallic, rough, spec, g.random(), sheen, g.random(), coat, gloss])
 
 

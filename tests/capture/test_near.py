@@ -109,3 +109,24 @@ def test_luces_needs_its_pictures(tmp_path):
     luces(tmp_path)
     (tmp_path / "07.png").unlink()
     assert "07.png is missing" in refusal(load, tmp_path)
+
+
+def test_the_doctor_does_not_take_fall_off_for_wrong_intensities(tmp_path):
+    from photonormal.check import check
+
+    luces(tmp_path)
+    assert not [f for f in check(load(tmp_path)) if f.grave]
+
+
+def test_measured_on_the_command_line(tmp_path):
+    import json
+
+    from photonormal.cli import main
+
+    luces(tmp_path / "Hill")
+    assert main(["measure", str(tmp_path / "Hill"), "--out", str(tmp_path / "out")]) == 0
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["light"] == "near" and not report["warnings"]
+    assert report["score"]["mean_deg"] < 0.05
+    depth = np.load(tmp_path / "out" / "depth.npz")["depth"]
+    assert np.nanmean(depth) == pytest.approx(1)  # perspective, by the capture's own camera

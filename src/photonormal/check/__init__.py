@@ -13,7 +13,8 @@ def check(capture: Capture) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 
     Saturation, darkness, bits and encoding, coverage by the lights, lights in another order or frame, intensities,
-    ambient light and motion. Tests that need light directions are left out where they are unknown.
+    ambient light and motion. Tests that need light directions are left out where they are unknown, and all of them but
+    coverage where lamps are near, since they know distant lights.
     """
     from photonormal.check import coverage, exposure, lights, motion, samples
 
@@ -21,8 +22,9 @@ def check(capture: Capture) -> list[Finding]:
     found = [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
     found += motion.motion(s.edges, s.scale, names)
     if capture.lights is not None and (s.I > 0).any():
+        found += coverage.coverage(capture.lights)
+    if capture.lights is not None and capture.lamps is None and (s.I > 0).any():
         L, (I, mask) = capture.lights, samples.on_object(s)
-        found += coverage.coverage(L)
         wrong = lights.disagreement(I, mask, L, names)
         found += wrong
         if wrong and wrong[0].lights is not None:

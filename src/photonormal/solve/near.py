@@ -22,7 +22,7 @@ class Near:
 
     Where the surface lies tells how much light each lamp sends to each pixel, by which samples are divided, and from
     which side; the method's normals then tell where the surface lies. A plane comes first. Each connected part of the
-    mask stays at the mean depth. In a perspective view each pixel is solved in a frame whose z is its own view.
+    mask stays at the mean depth, and how far the depth jumps is a guess. In a perspective view each pixel is solved in a frame whose z is its own view.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ def near(capture: Capture) -> tuple[Lamps, Camera]:
 
 
 def surface_mm(capture: Capture, normals: Normals) -> Float[np.ndarray, "p 3"]:
-    """Where the mask's pixels lie, by the normals' integral; at the mean depth where there is no normal."""
+    """Where the mask's pixels lie, by the normals' integral, which may jump; at the mean depth where there is none."""
     _, camera = near(capture)
-    return camera.points_mm(integrate(normals, K=camera.K).depth)[capture.mask]
+    return camera.points_mm(integrate(normals, "bilateral", K=camera.K).depth)[capture.mask]
 
 
 def evened(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:

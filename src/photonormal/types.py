@@ -138,14 +138,14 @@ class Capture:
     mask : (h, w) bool, True on the object
     lights : (n, 3), any length but zero; kept as unit vectors. None: unknown. Of `lamps`, as seen from the object's
         middle, whatever is given
-    lamps : where the lights are, if they are near; needs `camera`
-    camera : what a pixel is in millimetres
-    lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ; then
-        the images hold no fall-off (`photonormal.solve.near` makes such captures)
     truth : the true normals, where they are known
     saturation : (n, c) radiance at which a sample of each image is saturated. None: not known
     name : what reports call the capture
     image_names : the n pictures' names
+    lamps : where the lights are, if they are near; needs `camera`
+    camera : what a pixel is in millimetres
+    lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ; then
+        the images hold no fall-off (`photonormal.solve.near` makes such captures)
 
     Raises
     ------
@@ -157,13 +157,13 @@ class Capture:
     images: Images
     mask: np.ndarray
     lights: np.ndarray | None = None
-    lamps: Lamps | None = None
-    camera: Camera | None = None
-    lights_at: np.ndarray | None = field(default=None, repr=False)
     truth: Normals | None = None
     saturation: np.ndarray | None = field(default=None, repr=False)
     name: str = "capture"
     image_names: tuple[str, ...] = field(default=(), repr=False)
+    lamps: Lamps | None = None
+    camera: Camera | None = None
+    lights_at: np.ndarray | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         shape = tuple(self.images.shape)

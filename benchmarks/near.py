@@ -3,7 +3,7 @@
     python benchmarks/near.py [--scenes 4] [--size 64] [--lights 32]
 
 Prints the mean angular error in degrees, over the scenes, of each method. A distance is that of the lamps from the
-object's middle, in widths of the frame. The scenes are the same at each distance; cast shadows fall from where the lamps
+object's middle, in widths of the frame. The scenes are the same at each distance; cast shadows fall from where lamps
 are. "Depth known" is solved on the integral of the true normals: what remains there is shadow and shine, of which
 near lamps make more or less than distant ones do, and the jumps that no integral knows.
 """

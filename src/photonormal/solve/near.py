@@ -22,7 +22,8 @@ class Near:
 
     Where the surface lies tells how much light each lamp sends to each pixel, by which samples are divided, and from
     which side; the method's normals then tell where the surface lies. A plane comes first. Each connected part of the
-    mask stays at the mean depth, and how far the depth jumps is a guess. In a perspective view each pixel is solved in a frame whose z is its own view.
+    mask stays at the mean depth, and how far the depth jumps is a guess. In a perspective view each pixel is solved in
+    a frame whose z is its own view.
 
     Parameters
     ----------

@@ -8,10 +8,12 @@ import pytest
 
 from photonormal.cli import main
 from photonormal.export import load_normals
+from photonormal.solve import DEFAULT
 from photonormal.types import Capture
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 FILES = {"normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "report.json", "error.png"}
+FILES |= {"expected-error.png"}
 
 
 @pytest.fixture
@@ -33,7 +35,7 @@ def test_every_file_is_written_and_the_normals_are_right(folder, tmp_path, capsy
     assert (code, err) == (0, "")
     assert {p.name for p in (tmp_path / "result").iterdir()} == FILES
     report = json.loads((tmp_path / "result" / "report.json").read_text())
-    assert report["lights"] == 9 and report["pixels"]["dark"] == 0 and report["method"] == "woodham"
+    assert report["lights"] == 9 and report["pixels"]["dark"] == 0 and report["method"] == DEFAULT
     assert set(report["seconds"]) == {"read", "solve", "albedo", "integrate", "export"}
     assert report["score"]["mean_deg"] < 2  # a few lights leave the rim in attached shadow
     assert "degrees against the true normals" in out
@@ -65,6 +67,15 @@ def test_integrate_turns_the_result_into_a_mesh(folder, tmp_path, capsys):
     assert code == 0 and (tmp_path / "ball.obj").stat().st_size > 10000
     code, _, err = run(capsys, "integrate", tmp_path / "result", "--out", tmp_path / "ball.obj")
     assert code == 2 and "--overwrite" in err
+
+
+def test_a_method_takes_options(folder, tmp_path, capsys):
+    method = "trimmed:lowest=0.2:least=4"
+    assert run(capsys, "measure", folder, "--out", tmp_path / "result", "--method", method, "--no-mesh")[0] == 0
+    options = json.loads((tmp_path / "result" / "report.json").read_text())["options"]
+    assert options == {"lowest": 0.2, "highest": 0.6, "least": 4}
+    code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "trimmed:last=1")
+    assert code == 2 and "no option 'last'; it has lowest" in err
 
 
 def test_a_subset_is_measured_and_reported(folder, tmp_path, capsys):
@@ -146,7 +157,7 @@ class TestRefusals:
         self.measure(capsys, tmp_path, folder, "--images", "1,2", says="at least 3")
 
     def test_an_unknown_method(self, folder, tmp_path, capsys):
-        self.measure(capsys, tmp_path, folder, "--method", "magic", says="no method 'magic'; choose from woodham")
+        self.measure(capsys, tmp_path, folder, "--method", "magic", says="no method 'magic'; choose from normalnet")
 
     def test_an_unknown_integration(self, folder, tmp_path, capsys):
         self.measure(capsys, tmp_path, folder, "--integration", "magic", says="magic")

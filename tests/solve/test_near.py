@@ -46,6 +46,13 @@ def test_slow_methods_too(method):
     assert mean_deg(solve(capture, method, device="cpu"), capture) < MEAN_DEG.get(method, 0.1)
 
 
+@pytest.mark.parametrize("view", CAMERAS)
+def test_networks_see_each_pixel_s_lights(view):
+    capture = hill(CAMERAS[view], size=40)
+    assert mean_deg(solve(capture, "normalnet", device="cpu"), capture) < 1.5
+    assert mean_deg(solve(replace(capture, lamps=None), "normalnet", device="cpu"), capture) > 6
+
+
 def test_lamps_very_far_away_are_distant_lights():
     capture = hill(widths=3e3)
     far = solve(replace(capture, lamps=None), "woodham", device="cpu")

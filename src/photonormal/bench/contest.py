@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import re
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
-from photonormal.solve import METHODS, configure, method_class
+from photonormal.solve import METHODS, configure, parse
 from photonormal.types import InputError
 
 RESERVED = ("truth",)  # folder of a run that is no method's
@@ -60,27 +59,10 @@ def entries(text: str) -> list[Entry]:
 
 
 def _entry(text: str) -> Entry:
-    head, *settings = re.split(r":(?=\w+=)", text)
-    label, _, method = head.rpartition("=")
+    head = re.split(r":(?=\w+=)", text)[0]
+    label = head.rpartition("=")[0]
+    method, options = parse(text[len(label) + 1 :] if label else text)
     label = label or method
     if not re.fullmatch(r"\w[\w.+ -]*", label) or label in RESERVED:
         raise InputError(f"a method can't be called {label!r}; use letters, digits, - and _.")
-    fields = method_class(method).__dataclass_fields__
-    options = {}
-    for setting in settings:
-        name, _, value = setting.partition("=")
-        if name not in fields:
-            raise InputError(f"{method} has no option {name!r}; it has {', '.join(fields) or 'none'}.")
-        options[name] = _value(method, name, value, fields[name].default)
     return Entry(label, method, options)
-
-
-def _value(method: str, name: str, text: str, default: Any) -> Any:
-    """A value of the default's type."""
-    kind = type(default)
-    try:
-        if kind is bool:
-            return {"true": True, "1": True, "false": False, "0": False}[text.lower()]
-        return kind(text) if kind in (int, float, str) else Path(text) if isinstance(default, Path) else text
-    except (ValueError, KeyError):
-        raise InputError(f"{method} has {name}={default!r} but {text!r} came; give a {kind.__name__}.") from None

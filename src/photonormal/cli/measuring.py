@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
+from photonormal.solve import DEFAULT, METHODS, method_class, parse
 from photonormal.types import InputError
 
 
@@ -63,8 +64,8 @@ class Measure:
     """Folder with photographs and lights, an .lp file, or `demo`: the capture that comes with photonormal."""
     out: Path
     """Folder for the results; it is written whole or not at all."""
-    method: str = "woodham"
-    """One of `photonormal methods`."""
+    method: str = DEFAULT
+    """One of `photonormal methods`, with options if need be, such as normalnet:rotations=4."""
     device: str = "auto"
     """auto, cpu or cuda."""
     normals_frame: str = "opengl"
@@ -82,10 +83,12 @@ class Measure:
     def __call__(self) -> int:
         from photonormal.measure import measure
 
+        method, options = parse(self.method)
         report = measure(
             self.capture,
             self.out,
-            method=self.method,
+            method=method,
+            options=options,
             device=self.device,
             mesh=self.mesh,
             overwrite=self.overwrite,
@@ -201,8 +204,6 @@ class Methods:
     """The methods that `measure` knows, with a line about each."""
 
     def __call__(self) -> int:
-        from photonormal.solve import METHODS, method_class
-
         width = max(map(len, METHODS))
         for name in METHODS:
             summary = sys.modules[method_class(name).__module__].__doc__ or ""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from photonormal.types import Capture, InputError, Normals
@@ -12,6 +14,8 @@ if TYPE_CHECKING:
     import torch
 
 METHODS = {  # name -> "module:Class", imported only when asked for
+    "normalnet": "photonormal.solve.learned.normalnet:NormalNetMethod",
+    "lambertian-prior": "photonormal.solve.learned.lambertian_prior:LambertianPrior",
     "woodham": "photonormal.solve.classical.woodham:Woodham",
     "trimmed": "photonormal.solve.classical.trimmed:Trimmed",
     "l1": "photonormal.solve.classical.l1:L1",
@@ -27,7 +31,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "bivariate": "photonormal.solve.classical.bivariate:Bivariate",
 }
 
-DEFAULT = "woodham"
+DEFAULT = "normalnet"
 
 
 def method_class(name: str) -> type:
@@ -36,6 +40,30 @@ def method_class(name: str) -> type:
         raise InputError(f"no method {name!r}; choose from {', '.join(METHODS)}.")
     module, cls = METHODS[name].split(":")
     return getattr(import_module(module), cls)
+
+
+def parse(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and options of ``method`` or ``method:option=value:...``; values get the types of the defaults."""
+    method, *settings = re.split(r":(?=\w+=)", text)
+    fields = method_class(method).__dataclass_fields__
+    options = {}
+    for setting in settings:
+        name, _, value = setting.partition("=")
+        if name not in fields:
+            raise InputError(f"{method} has no option {name!r}; it has {', '.join(fields) or 'none'}.")
+        options[name] = _value(method, name, value, fields[name].default)
+    return method, options
+
+
+def _value(method: str, name: str, text: str, default: Any) -> Any:
+    """A value of the default's type."""
+    kind = type(default)
+    try:
+        if kind is bool:
+            return {"true": True, "1": True, "false": False, "0": False}[text.lower()]
+        return kind(text) if kind in (int, float, str) else Path(text) if isinstance(default, Path) else text
+    except (ValueError, KeyError):
+        raise InputError(f"{method} has {name}={default!r} but {text!r} came; give a {kind.__name__}.") from None
 
 
 def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], Normals]:

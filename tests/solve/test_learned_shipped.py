@@ -1,0 +1,48 @@
+"""The weights that come with the package are whole, say where they come from, and do better than their prior."""
+
+import pytest
+import torch
+
+import photonormal as pn
+from photonormal.solve import DEFAULT, METHODS
+from photonormal.solve.learned.measure import measure
+from photonormal.solve.learned.weights import checksum, load, shipped, stated_checksum
+from photonormal.train.validate import OBJECTS
+
+CPU = torch.device("cpu")
+SHIPPED = [name for name in METHODS if ".learned." in METHODS[name]]
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_weights_and_card_belong_together(name):
+    path = shipped(name)
+    assert load(path, name).config.prior and path.stat().st_size < 20e6
+    assert stated_checksum(path) == checksum(path)
+    card = path.with_suffix(".md").read_text()
+    for fact in ("command", "seed", "minutes", "device", "licence", "learned from"):
+        assert fact in card, f"the card of {name} does not say its {fact}"
+
+
+def test_the_default_is_better_than_its_prior_and_least_squares_on_the_demonstration():
+    capture = pn.load("demo")
+    errors = [pn.score(pn.solve(capture, m), capture.truth).mean_deg for m in (DEFAULT, "trimmed", "woodham")]
+    assert errors[0] == min(errors)
+
+
+def test_it_tells_how_far_it_can_be_trusted():
+    capture = pn.load("demo")
+    told = pn.solve(capture, device="cpu").expected_error_deg
+    assert told is not None and 0 < told[capture.mask].min() and told[capture.mask].max() <= 90
+
+
+@pytest.mark.data
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_card_s_figures_hold(name, data):
+    """A real object, all images, one pass: the mean error is the one on the card, to a tenth of a degree."""
+    card = shipped(name).with_suffix(".md").read_text()
+    found = card[card.index("## Real objects") :].splitlines()[4].strip("| ").split(" | ")
+    for obj, stated in zip(OBJECTS[:1], found, strict=False):
+        capture = pn.load(data / "diligent" / "pmsData" / f"{obj}PNG")
+        ours = measure(load(shipped(name)), capture, CPU)
+        assert pn.score(ours, capture.truth).mean_deg == pytest.approx(float(stated), abs=0.1)

@@ -124,7 +124,7 @@ def test_measured_on_the_command_line(tmp_path):
     from photonormal.cli import main
 
     luces(tmp_path / "Hill")
-    assert main(["measure", str(tmp_path / "Hill"), "--out", str(tmp_path / "out")]) == 0
+    assert main(["measure", str(tmp_path / "Hill"), "--out", str(tmp_path / "out"), "--method", "woodham"]) == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["light"] == "near" and not report["warnings"]
     assert report["score"]["mean_deg"] < 0.05

@@ -128,7 +128,7 @@ class NormalNet(Network):
             return N
         few = torch.full_like(n_z, n).log()
         seen = torch.cat([x, correction.to(x.dtype), few.to(x.dtype)], dim=1).detach()  # doubt changes no normal
-        return torch.cat([N, self.doubt(seen).float().clamp(max=4.5).exp()], dim=1)  # at most 90 degrees
+        return torch.cat([N, self.doubt(seen).float().exp().clamp(max=90)], dim=1)
 
 
 def cosines(lights: Float[Tensor, "b k 3 *hw"], shared: Shared) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:

@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -76,6 +78,12 @@ def test_a_method_takes_options(folder, tmp_path, capsys):
     assert options == {"lowest": 0.2, "highest": 0.6, "least": 4}
     code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "trimmed:last=1")
     assert code == 2 and "no option 'last'; it has lowest" in err
+
+
+def test_a_reader_that_goes_early_is_no_error():
+    command = f"{sys.executable} -m photonormal methods | true"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True)
+    assert done.stderr == ""
 
 
 def test_a_subset_is_measured_and_reported(folder, tmp_path, capsys):

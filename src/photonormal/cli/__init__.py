@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 
 import tyro
@@ -27,7 +28,12 @@ def main(arguments: list[str] | None = None) -> int:
             description="Surface normals, depth and meshes from photographs under known lights.",
             args=arguments,
         )
-        return command()
+        code = command()
+        sys.stdout.flush()  # a reader that has gone, such as `head`, shows here
+        return code
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again at its end
+        return 0
     except InputError as error:
         print(f"photonormal: {error}", file=sys.stderr)
         return 2

@@ -110,6 +110,7 @@ CPU = replace(
 
 NORMALNET = Recipe(
     network="normalnet",
+    config={"expected": True},
     images=(8, 64),
     batch=64,
     steps=100_000,
@@ -150,7 +151,6 @@ RECIPES = {
     "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=2, warmup=200, validate=2000),
     "normalnet-expected": replace(
         NORMALNET,
-        config={"expected": True},
         images=(4, 64),
         batch=16,
         reuse=2,
@@ -159,7 +159,7 @@ RECIPES = {
         priors=(("trimmed", 1.0),),
         again=0.0,
         learn="doubt",
-    ),  # on top of trained weights (--start-from): how far each normal is expected to be off
+    ),  # on top of trained weights (--start-from): only how far each normal is expected to be off
 }
 
 

@@ -45,14 +45,18 @@ def method_class(name: str) -> type:
 def parse(text: str) -> tuple[str, dict[str, Any]]:
     """Name and options of ``method`` or ``method:option=value:...``; values get the types of the defaults."""
     method, *settings = re.split(r":(?=\w+=)", text)
-    fields = method_class(method).__dataclass_fields__
-    options = {}
-    for setting in settings:
-        name, _, value = setting.partition("=")
-        if name not in fields:
-            raise InputError(f"{method} has no option {name!r}; it has {', '.join(fields) or 'none'}.")
-        options[name] = _value(method, name, value, fields[name].default)
-    return method, options
+    texts = dict(setting.split("=", 1) for setting in settings)
+    fields = _fields(method, texts)
+    return method, {name: _value(method, name, text, fields[name].default) for name, text in texts.items()}
+
+
+def _fields(method: str, options: dict[str, Any]) -> dict[str, Any]:
+    """The fields of a method, or InputError where it lacks one of the options."""
+    known = method_class(method).__dataclass_fields__
+    unknown = sorted(set(options) - set(known))
+    if unknown:
+        raise InputError(f"{method} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}.")
+    return known
 
 
 def _value(method: str, name: str, text: str, default: Any) -> Any:
@@ -68,12 +72,8 @@ def _value(method: str, name: str, text: str, default: Any) -> Any:
 
 def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], Normals]:
     """A method with its options set; InputError names what exists where the method or an option does not."""
-    cls = method_class(method)
-    known = cls.__dataclass_fields__
-    unknown = sorted(set(options) - set(known))
-    if unknown:
-        raise InputError(f"{method} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}.")
-    return cls(**options)
+    _fields(method, options)
+    return method_class(method)(**options)
 
 
 def run(method: Callable[[Capture, torch.device], Normals], capture: Capture, device: torch.device) -> Normals:

@@ -78,6 +78,8 @@ def test_a_method_takes_options(folder, tmp_path, capsys):
     assert options == {"lowest": 0.2, "highest": 0.6, "least": 4}
     code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "trimmed:last=1")
     assert code == 2 and "no option 'last'; it has lowest" in err
+    code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "normalnet:name=x")
+    assert code == 2 and "no option 'name'; it has weights, rotations, prior, passes." in err
 
 
 def test_a_reader_that_goes_early_is_no_error():

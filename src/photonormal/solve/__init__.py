@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Callable
 from importlib import import_module
@@ -52,7 +53,7 @@ def parse(text: str) -> tuple[str, dict[str, Any]]:
 
 def _fields(method: str, options: dict[str, Any]) -> dict[str, Any]:
     """The fields of a method, or InputError where it lacks one of the options."""
-    known = method_class(method).__dataclass_fields__
+    known = {field.name: field for field in dataclasses.fields(method_class(method))}
     unknown = sorted(set(options) - set(known))
     if unknown:
         raise InputError(f"{method} has no option {unknown[0]!r}; it has {', '.join(known) or 'none'}.")

@@ -12,7 +12,7 @@ from photonormal.solve.classical.woodham import Woodham
 from photonormal.solve.learned import measure as module
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.measure import measure
-from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig
+from photonormal.solve.learned.normalnet import ADDED, NormalNet, NormalNetConfig
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import Capture, InputError
 
@@ -38,14 +38,19 @@ def network(kind, seed=0):
     torch.manual_seed(seed)
     if kind == "lambertian-prior":
         return LambertianPriorNet(LambertianPriorConfig(width=8))
-    if kind == "normalnet":
-        net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
+    if kind.startswith("normalnet"):
+        more = {"memory": 4, "coarse": 1, "expected": True} if kind == "normalnet-full" else {}
+        net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, **more))
+        for key, p in net.named_parameters():
+            if key in ADDED:
+                torch.nn.init.normal_(p, std=0.1)
         torch.nn.init.normal_(net.correction.weight, std=0.05)
         return net
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
 
 
-KINDS = ["lambertian-prior", "normalnet", "psfcn", "psfcn-normalised"]
+KINDS = ["lambertian-prior", "normalnet", "normalnet-full", "psfcn", "psfcn-normalised"]
+PASSES = {"normalnet-full": 2}  # of the kinds that have learned more than one
 
 
 def apart_deg(a, b):
@@ -94,8 +99,8 @@ def test_streaming_is_the_batch(kind):
     )
     with torch.no_grad():
         x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), 6)
-        N = net(x, L, prior * mask)[0].permute(1, 2, 0)[:62, :62].numpy()
-    streamed = measure(net, capture, CPU, prior="woodham")
+        N = net(x, L, prior * mask, PASSES.get(kind, 1))[-1, :3].permute(1, 2, 0)[:62, :62].numpy()
+    streamed = measure(net, capture, CPU, prior="woodham", passes=PASSES.get(kind, 1))
     m = capture.mask[1:-1, 1:-1]
     assert angle_deg(N[m], streamed.map[1:-1, 1:-1][m]).max() < 0.01
 

@@ -49,6 +49,32 @@ def test_it_tells_how_far_it_is_off_and_learning_that_moves_no_normal():
     assert learns == {"doubt"}
 
 
+def test_what_is_added_to_trained_weights_changes_nothing_until_it_learns():
+    images, lights, prior = pixels(side=8)
+    torch.manual_seed(0)
+    plain = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=1))
+    net.load_state_dict(net.state_dict() | plain.state_dict())
+    once, twice = net(images, lights, prior, passes=2).chunk(2)
+    torch.testing.assert_close(once[:, :3], plain(images, lights, prior))
+    torch.testing.assert_close(twice[:, :3], plain(images, lights, plain(images, lights, prior)))
+    assert once.shape[1] == 3 + net.memory
+
+
+def test_in_a_second_pass_an_image_is_seen_with_what_the_others_told():
+    images, lights, prior = pixels()
+    torch.manual_seed(0)
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4))
+    torch.nn.init.normal_(net.recall.weight)
+    recalling = net(images, lights, prior, passes=2).chunk(2)[1]
+    torch.nn.init.zeros_(net.recall.weight)
+    forgetful = net(images, lights, prior, passes=2).chunk(2)[1]
+    assert (recalling - forgetful)[:, :3].abs().max() > 1e-3
+    torch.nn.init.normal_(net.recall.weight)
+    net(images, lights, prior, passes=2).chunk(2)[1][:, :3].sum().backward()
+    assert net.remember.weight.grad is not None and net.remember.weight.grad.abs().max() > 0  # the first pass's
+
+
 def test_without_a_prior_a_pixel_faces_the_camera():
     images, lights, prior = pixels()
     N = NormalNet()(images, lights, 0 * prior)

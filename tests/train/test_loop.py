@@ -26,6 +26,7 @@ TINY = Recipe(
     config={"width": 8}, images=(3, 5), batch=4, steps=12, warmup=4, schedule="cosine", clip=1.0, ema=0.9,
     turns=True, reuse=2, ring=3, validate=6,
 )  # fmt: skip
+SMALL = {"hidden": 16, "features": 16, "width": 16}  # of normalnet
 ROOT = Path(__file__).parents[2]
 
 
@@ -79,11 +80,16 @@ def test_resumed_training_gives_the_same_numbers(tmp_path):
     assert [e["mean_deg"] for e in a] == [e["mean_deg"] for e in b]
 
 
-@pytest.mark.parametrize("changes", [{"loss": "chord"}, {"again": 1.0}], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [{"loss": "chord"}, {"passes": 2}, {"passes": 2, "config": SMALL | {"memory": 4, "coarse": 1}}],
+    ids=str,
+)
 def test_other_ways_of_learning_are_better_than_the_prior_too(tmp_path, changes):
+    more: dict = {"config": SMALL} | changes
     recipe = Recipe(
-        network="normalnet", config={"hidden": 16, "features": 16, "width": 16}, images=(6, 6), batch=8, steps=150,
-        warmup=10, lr=5e-3, schedule="cosine", clip=1.0, validate=1000, **changes,
+        network="normalnet", images=(6, 6), batch=8, steps=150, warmup=10, lr=5e-3, schedule="cosine", clip=1.0,
+        validate=1000, **more,
     )  # fmt: skip
     run(tmp_path, recipe)
     found = journal(tmp_path)[-1]
@@ -97,20 +103,20 @@ def test_a_chord_is_the_angle_where_it_is_small():
     angle = torch.deg2rad(torch.tensor([0.0, 10.0, 60.0]))
     N = torch.stack([angle.sin(), 0 * angle, angle.cos()])[None, :, None]  # (1, 3, 1, 3)
     truth = torch.tensor([0.0, 0, 1])[None, :, None, None].expand_as(N)
+    recipe = Recipe(loss="chord")
     for i, deg in enumerate([0.0, 10.0, 60.0]):
         mask = torch.zeros(1, 1, 1, 3, dtype=torch.bool)
         mask[..., i] = True
         seen = Observed(N, N, N, truth, mask)
-        found = float(loop.error(lambda images, lights, prior: images, seen, "chord", Fabric))
+        found = float(loop.error(lambda images, *rest: images, seen, recipe, 0, Fabric))
         chord = 2 * np.sin(np.radians(deg) / 2)
         assert found == pytest.approx(np.hypot(chord, loop.CLOSE) - loop.CLOSE, abs=1e-4)
 
 
 def test_expected_errors_are_learned_on_top_and_are_right_on_average(tmp_path):
-    config = {"hidden": 16, "features": 16, "width": 16}
-    recipe = Recipe(network="normalnet", config=config, images=(6, 6), batch=8, steps=150, lr=5e-3, validate=1000)
+    recipe = Recipe(network="normalnet", config=SMALL, images=(6, 6), batch=8, steps=150, lr=5e-3, validate=1000)
     first = run(tmp_path / "first", recipe)
-    told = replace(recipe, config=config | {"expected": True}, learn="doubt", lr=1e-2, steps=200)
+    told = replace(recipe, config=SMALL | {"expected": True}, learn="doubt", lr=1e-2, steps=200)
     net, plain = load(run(tmp_path / "second", told, start_from=first)), load(first)
     batch = next(iter(Toy("", 16, "cpu", 99, lights=(6, 6))))
     seen = observe(batch, recipe, net.scaling, 0, vary=False)
@@ -250,8 +256,9 @@ images, lights, normals, mask = next(iter(Toy("", 4, "cpu", 3)))
 mask[:2, :, :9] = False  # the halves have different numbers of pixels
 mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // world)
 batch = Batch(*(x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)))
-seen = observe(batch, Recipe(images=(5, 5)), net.scaling, 0, vary=False)
-loss = loop.error(model, seen, "cosine", fabric)
+recipe = Recipe(images=(5, 5))
+seen = observe(batch, recipe, net.scaling, 0, vary=False)
+loss = loop.error(model, seen, recipe, 0, fabric)
 fabric.backward(loss)
 if fabric.global_rank == 0:
     torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")
@@ -279,3 +286,10 @@ def test_two_processes_have_the_gradient_of_one_with_the_double_batch(tmp_path):
     for k in one:
         torch.testing.assert_close(one[k], two[k], atol=1e-6, rtol=1e-4)
     assert (tmp_path / "ddp" / "lambertian-prior.safetensors").exists()
+
+
+def test_a_batch_without_a_finite_gradient_teaches_nothing(tmp_path, monkeypatch):
+    error, calls = loop.error, itertools.count()
+    monkeypatch.setattr(loop, "error", lambda *given: error(*given) * (torch.nan if next(calls) == 2 else 1))
+    net = load(run(tmp_path))
+    assert all(p.isfinite().all() for p in net.parameters())

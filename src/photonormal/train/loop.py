@@ -118,7 +118,7 @@ def train(
         assert journal is not None
         best = averaged(net, mean)
         found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
-        found["real"] = on_real(best, fabric.device)
+        found["real"] = on_real(best, fabric.device, recipe.passes)
         for kind, errors in found.items():
             journal.write(step, kind, errors)
         return found
@@ -148,12 +148,15 @@ def train(
         for group in optimiser.param_groups:
             group["lr"] = lr
         seen = observe(next(batches), recipe, net.scaling, step, rank)
-        loss = error(model, seen, recipe.loss, fabric)
+        loss = error(model, seen, recipe, net.memory, fabric)
         optimiser.zero_grad()
         fabric.backward(loss)
+        finite = True
         if recipe.clip:
-            fabric.clip_gradients(model, optimiser, max_norm=recipe.clip, error_if_nonfinite=False)
-        optimiser.step()
+            norm = fabric.clip_gradients(model, optimiser, max_norm=recipe.clip, error_if_nonfinite=False)
+            finite = bool(norm.isfinite())
+        if finite:  # else this batch teaches nothing
+            optimiser.step()
         if recipe.ema:
             follow(mean, net, min(recipe.ema, (1 + step) / (10 + step)))
         step += 1
@@ -182,22 +185,20 @@ def train(
     return path
 
 
-def error(model: Any, seen: Observed, loss: str, fabric: Any) -> torch.Tensor:
+def error(model: Any, seen: Observed, recipe: Recipe, memory: int, fabric: Any) -> torch.Tensor:
     """Mean loss over the mask's pixels; its mean over the processes is the mean over all their pixels."""
-    prior = seen.prior
-    if seen.again:
-        with torch.no_grad():
-            prior = model(seen.images, seen.lights, prior)[:, :3] * seen.mask
-    found = model(seen.images, seen.lights, prior)  # (b, 3 or 4, h, w)
-    e = 1 - (found[:, :3] * seen.normals).sum(1)  # (b, h, w)
+    passes = recipe.passes
+    found = model(seen.images, seen.lights, seen.prior, passes)  # (passes b, d, h, w)
+    truth, mask = seen.normals.repeat(passes, 1, 1, 1), seen.mask.repeat(passes, 1, 1, 1)
+    e = 1 - (found[:, :3] * truth).sum(1)  # (passes b, h, w)
     squared = 2 * e.clamp(min=0)  # |n - n'|^2
-    if loss == "chord":
+    if recipe.loss == "chord":
         e = (squared + CLOSE**2).sqrt() - CLOSE
-    if found.shape[1] > 3:  # least where the expected error is the mean of the true ones, whatever their size
+    if found.shape[1] > 3 + memory:  # least where the expected error is the mean of the true ones, whatever their size
         true_deg = (2 * torch.asin((squared.detach().sqrt() / 2).clamp(max=1))).rad2deg()
-        e = e + DOUBT * (true_deg / found[:, 3] + found[:, 3].log())
-    pixels = fabric.all_reduce(seen.mask.sum().float(), reduce_op="mean")
-    return (e * seen.mask[:, 0]).sum() / pixels
+        e = e + DOUBT * (true_deg / found[:, -1] + found[:, -1].log())
+    pixels = fabric.all_reduce(mask.sum().float(), reduce_op="mean")
+    return (e * mask[:, 0]).sum() / pixels
 
 
 def launched(device: str) -> Any:

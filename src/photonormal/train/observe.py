@@ -26,7 +26,6 @@ class Observed(NamedTuple):
     prior: Tensor  # (b, 3, h, w), zero outside the mask
     normals: Tensor  # (b, 3, h, w)
     mask: Tensor  # (b, 1, h, w)
-    again: bool = False  # whether the network's own normals are to take the prior's place
 
 
 def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, vary: bool = True) -> Observed:
@@ -54,8 +53,7 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
     if vary and scaling == "exposure":
         low, high = (torch.tensor(float(g)).log() for g in recipe.gain)
         x = x * (low + (high - low) * torch.rand(len(x), 1, 1, 1, 1, generator=draw)).exp().to(x)
-    again = vary and bool(torch.rand((), generator=draw) < recipe.again)
-    return Observed(x, lights, prior, normals * mask, mask, again)
+    return Observed(x, lights, prior, normals * mask, mask)
 
 
 def prior_normals(

@@ -27,7 +27,8 @@ class Recipe:
     ema : share of the past that the running mean of the weights keeps at each step; 0: none. Where there is one, it is
         what validation measures and the weights file holds
     priors : names of classical methods and their shares of the batches; "truth": the truth tilted by up to 30 degrees
-    again : share of the batches in which the network's own normals, from a pass without gradient, are the prior
+    passes : how often the network looks at a batch, its own normals being the prior from the second time on; all
+        passes are in the loss
     loss : "cosine" (1 - cos, the paper's) or "chord" (|n - n'|: about the angle itself, so that a few hopeless pixels
         do not outweigh all others)
     learn : the part of the network that learns, by the first letters of its parameters' names; "": all
@@ -53,7 +54,7 @@ class Recipe:
     clip: float = 0.0
     ema: float = 0.0
     priors: tuple[tuple[str, float], ...] = (("woodham", 1.0),)
-    again: float = 0.0
+    passes: int = 1
     loss: str = "cosine"
     learn: str = ""
     gain: tuple[float, float] = (0.5, 2.0)
@@ -110,7 +111,7 @@ CPU = replace(
 
 NORMALNET = Recipe(
     network="normalnet",
-    config={"expected": True},
+    config={"expected": True, "memory": 32, "coarse": 2},
     images=(8, 64),
     batch=64,
     steps=100_000,
@@ -120,7 +121,7 @@ NORMALNET = Recipe(
     clip=1.0,
     ema=0.999,
     priors=(("trimmed", 0.4), ("woodham", 0.3), ("truth", 0.3)),
-    again=0.3,
+    passes=2,
     loss="chord",
     turns=True,
 )
@@ -148,7 +149,7 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=2, warmup=200, validate=2000),
+    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=4, lr=1e-3, warmup=200, validate=2000),
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),
@@ -157,7 +158,6 @@ RECIPES = {
         steps=4000,
         warmup=50,
         priors=(("trimmed", 1.0),),
-        again=0.0,
         learn="doubt",
     ),  # on top of trained weights (--start-from): only how far each normal is expected to be off
 }

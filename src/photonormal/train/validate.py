@@ -51,7 +51,7 @@ def on_rendered(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, fl
     for i, batch in enumerate(batches):
         seen = observe(batch, recipe, net.scaling, i, vary=False)
         with inner_precision(seen.images.device):
-            found = net(seen.images, seen.lights, seen.prior)
+            found = net(seen.images, seen.lights, seen.prior, recipe.passes)[-len(seen.prior) :]
         ours.append(errors_deg(found[:, :3], seen.normals, seen.mask))
         priors.append(errors_deg(seen.prior, seen.normals, seen.mask))
     net.train()
@@ -67,14 +67,14 @@ def real_folder() -> Path | None:
     return folder if "PHOTONORMAL_DATA" in os.environ and folder.is_dir() else None
 
 
-def on_real(net: Network, device: torch.device, images: str = "") -> dict[str, float]:
+def on_real(net: Network, device: torch.device, passes: int = 1) -> dict[str, float]:
     """Mean angular error on each real object, and their mean; empty where there are none."""
     folder = real_folder()
     objects = [o for o in OBJECTS if folder and (folder / f"{o}PNG").is_dir()]
     found = {}
     for name in objects:
-        capture = load(folder / f"{name}PNG", images=images)  # type: ignore[operator]
+        capture = load(folder / f"{name}PNG")  # type: ignore[operator]
         if capture.truth is not None:
-            found[name] = score(measure(net, capture, device), capture.truth).mean_deg
+            found[name] = score(measure(net, capture, device, passes=passes), capture.truth).mean_deg
     net.train()
     return found | ({"mean": float(np.mean(list(found.values())))} if found else {})

@@ -60,12 +60,12 @@ def measure(
     with torch.inference_mode():
         look = first_look(net, capture, box, L, net.config.prior if prior is None else prior)
         log.info("prior and scale: %.2f s", time.perf_counter() - start)
-        N = look.prior
+        found = look.prior
         for _ in range(passes):
-            N = looked(net, capture, box, look, L, rotations, tile)  # (d, h, w)
-            look.prior = N[:3].to(device) * box.mask.to(device)
+            found = looked(net, capture, box, look, L, rotations, tile)  # (d, h, w)
+            look.prior = found[: 3 + net.memory].to(device) * box.mask.to(device)
     log.info("network: %.2f s in all", time.perf_counter() - start)
-    return box.normals(N, look.lit.cpu(), capture)
+    return box.normals(found[:3], found[3 + net.memory :], look.lit.cpu(), capture)
 
 
 def looked(
@@ -140,18 +140,24 @@ class Box:
                     found.append((*core, rows, columns))
         return found
 
-    def normals(self, N: Float[Tensor, "d h w"], lit: Bool[Tensor, "h w"], capture: Capture) -> Normals:
-        """Maps of the whole picture from what was decoded; pixels that are black in all images are left out."""
+    def normals(
+        self,
+        N: Float[Tensor, "3 h w"],
+        expected_deg: Float[Tensor, "e h w"],
+        lit: Bool[Tensor, "h w"],
+        capture: Capture,
+    ) -> Normals:
+        """Maps of the whole picture, with the expected errors if any; pixels black in all images are left out."""
         h = min(self.mask.shape[0], capture.mask.shape[0] - self.top)
         w = min(self.mask.shape[1], capture.mask.shape[1] - self.left)
         here = slice(self.top, self.top + h), slice(self.left, self.left + w)
         mask = np.zeros_like(capture.mask)
         mask[here] = (self.mask & lit)[:h, :w].numpy()
         values = np.zeros((*mask.shape, 3), np.float32)
-        values[here] = N[:3, :h, :w].permute(1, 2, 0).numpy()
-        expected = np.full(mask.shape, np.nan, np.float32) if len(N) > 3 else None
+        values[here] = N[:, :h, :w].permute(1, 2, 0).numpy()
+        expected = np.full(mask.shape, np.nan, np.float32) if len(expected_deg) else None
         if expected is not None:
-            expected[here] = N[3, :h, :w].numpy()
+            expected[here] = expected_deg[0, :h, :w].numpy()
         return Normals(values, mask, expected)
 
 
@@ -159,7 +165,7 @@ class Box:
 class Look:
     """What a first pass over the images gives."""
 
-    prior: Tensor  # (3, h, w), zero outside the mask
+    prior: Tensor  # (3, h, w), zero outside the mask; with the network's memory after its first pass
     moments: Tensor  # (1, c, h, w) or (1, 1, 1, 1), see network.moment
     lit: Tensor  # (h, w) bool, some image is not black here
 
@@ -247,7 +253,7 @@ class Tile:
         self.mask = box.mask[self.seen][None, None].to(L.device)  # (1, 1, h, w)
         self.moments = look.moments if look.moments.numel() == 1 else look.moments[..., *self.seen]
         self.turns = range(rotations)
-        prior = look.prior[:, *self.seen][None]  # (1, 3, h, w)
+        prior = look.prior[:, *self.seen][None]  # (1, c, h, w)
         with inner_precision(L.device):
             self.shared = [
                 net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), self.lights(L, r)) for r in self.turns
@@ -269,15 +275,14 @@ class Tile:
         return turned(seen, r, 2)
 
     def finish(self, n: int) -> Float[Tensor, "d i j"]:
-        """The tile's unit normals and, where the network tells them, expected errors: the mean over all turns."""
+        """What the network decodes for the tile: the mean over all turns."""
         total = torch.zeros(1)
         for r in self.turns:
             pooled = self.pooled[r]
             assert pooled is not None
             with inner_precision(self.mask.device):
                 found = self.net.decode(pooled, n, self.shared[r]).float()
-            found = torch.cat([turned(found[:, :3], -r, 1), found[:, 3:]], dim=1)
-            total = total + torch.rot90(found, -r, (2, 3)).cpu()
+            total = total + torch.rot90(turned(found, -r, 1), -r, (2, 3)).cpu()
         total[:, :3] = torch.nn.functional.normalize(total[:, :3], dim=1)
         total[:, 3:] /= len(self.turns)
         y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in zip(self.core, self.seen, strict=True))
@@ -285,8 +290,8 @@ class Tile:
 
 
 def turned(v: Tensor, quarters: int, axis: int) -> Tensor:
-    """Vectors along `axis` turned about the view axis, counter-clockwise by quarter turns."""
-    x, y, z = v.unbind(axis)
+    """Vectors along `axis` turned about the view axis, counter-clockwise by quarter turns; from z on all stays."""
+    x, y, *rest = v.unbind(axis)
     for _ in range(quarters % 4):
         x, y = -y, x
-    return torch.stack([x, y, z], axis)
+    return torch.stack([x, y, *rest], axis)

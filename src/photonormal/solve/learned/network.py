@@ -30,6 +30,7 @@ class Network(nn.Module, ABC):
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
     floats : numbers per pixel kept between images while measuring (pooled and shared features)
+    memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     Config : the frozen dataclass that `config` is one of
     config : what builds the network again; its field `prior` names a classical method, or is ""
     """
@@ -39,11 +40,15 @@ class Network(nn.Module, ABC):
     stride: int
     reach: int
     floats: int
+    memory: int = 0
     config: Any
 
     @abstractmethod
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Any:
-        """What all images share, computed once from the prior (zero outside the object) and the lights of them all."""
+    def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Any:
+        """What all images share, computed once from the prior (zero outside the object) and the lights of them all.
+
+        The prior is normals (3 channels), or an earlier pass's normals and memory.
+        """
 
     @abstractmethod
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
@@ -51,20 +56,28 @@ class Network(nn.Module, ABC):
 
     @abstractmethod
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
-        """Unit normals from the pooled features of all n images.
-
-        A network that has learned how far it is off gives the expected error in degrees as a fourth channel.
-        """
+        """Unit normals, `memory` channels, and from a network that has learned it the expected error in degrees."""
 
     def forward(
-        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], prior: Float[Tensor, "b 3 h w"]
-    ) -> Float[Tensor, "b d h w"]:
-        """What `decode` gives, from scaled images (`scaled`), unit lights and the prior.
+        self,
+        images: Float[Tensor, "b n c h w"],
+        lights: Float[Tensor, "b n 3 *hw"],
+        prior: Float[Tensor, "b 3 h w"],
+        passes: int = 1,
+    ) -> Float[Tensor, "q d h w"]:
+        """What `decode` gives in each pass (q = b times the passes), from scaled images (`scaled`), unit lights and the prior.
 
-        Lights are (b, n, 3), or (b, n, 3, h, w) where each pixel sees them elsewhere.
+        Lights are (b, n, 3), or (b, n, 3, h, w) where each pixel sees them elsewhere. The normals of a pass are the
+        prior of the next, which learns to better them but not to have them otherwise; its memory learns to help.
         """
-        shared = self.begin(prior, lights)
-        return self.decode(self.encode(images, lights, shared), images.shape[1], shared)
+        outside = prior.square().sum(1, keepdim=True) == 0
+        found: list[Tensor] = []
+        for _ in range(passes):
+            shared = self.begin(prior, lights)
+            found.append(self.decode(self.encode(images, lights, shared), images.shape[1], shared))
+            N, memory = found[-1][:, :3].detach(), found[-1][:, 3 : 3 + self.memory]
+            prior = torch.cat([N, memory.to(N.dtype)], dim=1).masked_fill(outside, 0)
+        return torch.cat(found) if passes > 1 else found[0]
 
 
 def moment(scaling: str, images: Float[Tensor, "b k c h w"], mask: Bool[Tensor, "b 1 h w"]) -> Float[Tensor, "b d i j"]:

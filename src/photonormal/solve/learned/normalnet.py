@@ -25,7 +25,9 @@ from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, Normals
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
+ADDED = ("coarse.last.weight", "recall.weight")  # start at zero: a trained network without them stays what it is
 DOUBT = 32  # channels of the layer that tells the expected error
+LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,9 @@ class NormalNetConfig:
     width, layers : channels and number of the 3 x 3 layers before the last one
     blocks : residual blocks of two such layers, in place of `layers`, where not 0
     expected : also tell the expected angular error of each normal
+    memory : channels that a pass hands to the next one beside its normals, for the encoder to look at each image
+        with what was learned from the others
+    coarse : layers at a quarter of the resolution, which see 20 pixels around; 0: none
     """
 
     prior: str = "trimmed"
@@ -50,6 +55,8 @@ class NormalNetConfig:
     layers: int = 2
     blocks: int = 0
     expected: bool = False
+    memory: int = 0
+    coarse: int = 0
 
 
 class Shared(NamedTuple):
@@ -59,6 +66,7 @@ class Shared(NamedTuple):
     slant: tuple[Tensor, Tensor]  # x and z (b, 1, h, w) of the turned prior
     y: Tensor  # (b, 1, h, w), zero where turned
     shading: Tensor  # (b, 1, h, w) root mean square of max(n.l, 0) of the prior over all lights
+    recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
 
 
 class NormalNet(Network):
@@ -72,7 +80,10 @@ class NormalNet(Network):
         super().__init__()
         self.config = c = config
         self.reach = (2 * c.blocks or c.layers) + 1 + c.expected
-        self.floats = 2 * c.features + 8
+        if c.coarse:
+            self.stride, self.reach = 4, -(-(self.reach + 9 + 4 * c.coarse) // 4) * 4
+        self.memory = c.memory
+        self.floats = 2 * c.features + 8 + c.memory + c.hidden * (c.memory > 0)
         act = nn.LeakyReLU(SLOPE, inplace=True)
         self.encoder = nn.Sequential(
             nn.Linear(TOKENS, c.hidden), act, nn.Linear(c.hidden, c.hidden), act, nn.Linear(c.hidden, c.features), act
@@ -81,6 +92,11 @@ class NormalNet(Network):
         layer, count = (Block, c.blocks) if c.blocks else (conv, c.layers)
         self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
         self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
+        if c.coarse:
+            self.coarse = Coarse(c.width, c.coarse)
+        if c.memory:
+            self.remember = nn.Conv2d(c.width, c.memory, 1)
+            self.recall = nn.Linear(c.memory, c.hidden, bias=False)
         if c.expected:
             self.doubt = nn.Sequential(conv(c.width + 4, DOUBT), nn.Conv2d(DOUBT, 1, 3, padding=1))
         for module in self.modules():
@@ -91,8 +107,13 @@ class NormalNet(Network):
             if isinstance(module, Block):  # a branch starts small beside its shortcut
                 module.second.weight.data.mul_(0.3)
         nn.init.normal_(self.correction.weight, std=1e-3)
+        for key, p in self.named_parameters():
+            if key in ADDED:
+                nn.init.zeros_(p)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
+    def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
+        prior, memory = prior[:, :3], prior[:, 3:]
+        recalled = self.recall(memory.permute(0, 2, 3, 1)) if memory.shape[1] else None
         known = prior.square().sum(1, keepdim=True) > 0.25
         x, y, z = torch.where(known, prior, prior.new_tensor([0.0, 0.0, 1.0])[:, None, None]).float().split(1, dim=1)
         z = z.clamp(min=0.05)  # a surface that is seen looks towards the camera
@@ -102,7 +123,7 @@ class NormalNet(Network):
             c, s = torch.ones_like(c), torch.zeros_like(s)
         x, y = c * x + s * y, c * y - s * x
         length = torch.sqrt(x * x + y * y + z * z)
-        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c))
+        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c), recalled)
         total = torch.zeros_like(c)
         for light in lights.split(32, dim=1):
             total += cosines(light, shared)[1].clamp(min=0).square().sum(1, keepdim=True)
@@ -110,7 +131,10 @@ class NormalNet(Network):
 
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         seen = tokens(images[:, :, 0], lights, shared)  # (b, k, h, w, 16)
-        features = self.encoder(seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
+        x = self.encoder[0](seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
+        if shared.recalled is not None:
+            x = x.unflatten(0, seen.shape[:4]) + shared.recalled[:, None].to(x.dtype)
+        features = self.encoder[2:](self.encoder[1](x).flatten(0, -2))
         return pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
 
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
@@ -121,14 +145,32 @@ class NormalNet(Network):
         x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3)
         x = self.fuse(x).permute(0, 3, 1, 2)  # channels last in memory
         x = self.spatial(x)
+        if self.config.coarse:
+            x = self.coarse(x)
         correction = self.correction(x).float()
         n_x, n_y, n_z = (frame + correction).split(1, dim=1)
         N = F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
+        if self.config.memory:
+            N = torch.cat([N, self.remember(x).float()], dim=1)
         if not self.config.expected:
             return N
         few = torch.full_like(n_z, n).log()
         seen = torch.cat([x, correction.to(x.dtype), few.to(x.dtype)], dim=1).detach()  # doubt changes no normal
-        return torch.cat([N, self.doubt(seen).float().exp().clamp(max=90)], dim=1)
+        return torch.cat([N, (LEAST_DEG + self.doubt(seen).float().exp()).clamp(max=90)], dim=1)
+
+
+class Coarse(nn.Module):
+    """Adds what is seen at a quarter of the resolution."""
+
+    def __init__(self, width: int, layers: int) -> None:
+        super().__init__()
+        strides = [2, 2] + [1] * layers
+        self.layers = nn.Sequential(*[conv(width, width, s) for s in strides])
+        self.last = nn.Conv2d(width, width, 1, bias=False)
+
+    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+        y = self.last(self.layers(x))
+        return x + F.interpolate(y, scale_factor=4, mode="bilinear")
 
 
 def cosines(lights: Float[Tensor, "b k 3 *hw"], shared: Shared) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:

@@ -65,7 +65,7 @@ class Network(nn.Module, ABC):
         prior: Float[Tensor, "b 3 h w"],
         passes: int = 1,
     ) -> Float[Tensor, "q d h w"]:
-        """What `decode` gives in each pass (q = b times the passes), from scaled images (`scaled`), unit lights and the prior.
+        """What `decode` gives, from scaled images (`scaled`), unit lights and the prior; q is b times the passes.
 
         Lights are (b, n, 3), or (b, n, 3, h, w) where each pixel sees them elsewhere. The normals of a pass are the
         prior of the next, which learns to better them but not to have them otherwise; its memory learns to help.

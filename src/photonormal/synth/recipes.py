@@ -53,7 +53,7 @@ class Recipe:
     # errors of the set-up
     intensity_error: float = 0.03  # most standard deviation of a light's measured intensity
     light_error_deg: float = 1.0  # most standard deviation of a light's measured direction
-    corrupted: float = 0.3  # share of scenes in which some images are partly dimmed, brightened or shifted
+    corrupted: float = 0.5  # share of scenes in which some images are partly dimmed, brightened or shifted
     # file
     layout: str = "shards"  # diligent, blobby, shards
 

@@ -162,7 +162,7 @@ def measured(
     bits = np.where(g.random(b) < recipe.low_bits, 8.0, 16.0) * (recipe.low_bits > 0)
     noise = (drawn(recipe.noise * g.random(b) ** 2) * bright.clamp(max=1)).repeat_interleave(c)
     I = photograph(I, noise, drawn(bits).repeat_interleave(c), generator)
-    share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.2, b), 0.0)
+    share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.3, b), 0.0)
     I = corrupt(I, np.repeat(share, c), g)
     known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
     return I, drawn(known).repeat_interleave(c, 0)

@@ -149,7 +149,7 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=4, lr=1e-3, warmup=200, validate=2000),
+    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=4, lr=1e-3, warmup=200, validate=1000),
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),

@@ -33,7 +33,8 @@ def check(capture: Capture) -> list[Finding]:
             found += positions.positions(given, names)
         else:
             given = Distant(I, capture.lights)
-        if (given.seen() > 0).any(0)[(given.I > 0).any(0)].all():  # else some lamps shine away from what they light
+        lost = (given.levels > 0).any(axis=0) > (given.seen() > 0).any(axis=0)  # by lamps that shine elsewhere
+        if not lost.any():
             wrong, given = lights.disagreement(given, mask, names)
             seen, L = given.seen(), given.directions()  # what else is said of the lights holds for the right ones
             found += [*wrong, *lights.intensities(seen, L, names), *lights.ambient(seen, L)]

@@ -92,7 +92,7 @@ def encoding(given: Given, bits: int | None) -> list[Finding]:
     """Eight-bit pictures that fit the linear model better once they are linearised."""
     if bits != 8:
         return []
-    I = given.I / max(float(given.I.max()), 1e-12)
+    I = given.levels / max(float(given.levels.max()), 1e-12)
     linear = np.where(I <= 0.04045, I / 12.92, ((I + 0.055) / 1.055) ** 2.4)
     step = max(1, len(I) // PIXELS)
     as_is, decoded = (matt_misfit(given.showing(x), step) for x in (I, linear))

@@ -24,7 +24,7 @@ class Given(Protocol):
     """Grey levels of `p` pixels under `n` lights, and where the lights are said to be."""
 
     @property
-    def I(self) -> Float[np.ndarray, "p n"]: ...
+    def levels(self) -> Float[np.ndarray, "p n"]: ...
 
     @property
     def vectors(self) -> Float[np.ndarray, "n 3"]:
@@ -56,17 +56,17 @@ class Given(Protocol):
 class Distant:
     """Lights of one direction for all pixels."""
 
-    I: Float[np.ndarray, "p n"]
+    levels: Float[np.ndarray, "p n"]
     vectors: Float[np.ndarray, "n 3"]
 
     def directions(self) -> Float[np.ndarray, "n 3"]:
         return self.vectors
 
     def seen(self) -> Float[np.ndarray, "p n"]:
-        return self.I
+        return self.levels
 
     def showing(self, I: Float[np.ndarray, "p n"]) -> Distant:
-        return replace(self, I=I)
+        return replace(self, levels=I)
 
     def reordered(self, order: Int[np.ndarray, " n"]) -> Distant:
         return replace(self, vectors=self.vectors[np.argsort(order)])
@@ -79,7 +79,7 @@ class Distant:
 class Near:
     """Lamps whose distance matters, over pixels that lie at `X` (p, 3) mm; a plane at the mean depth is good enough."""
 
-    I: Float[np.ndarray, "p n"]
+    levels: Float[np.ndarray, "p n"]
     X: Float[np.ndarray, "p 3"]
     lamps: Lamps
 
@@ -110,7 +110,7 @@ class Near:
 
     def matt(self) -> Float[np.ndarray, "p n"]:
         """Grey levels of the matt surface that explains the lit samples of each pixel best."""
-        dark = SHADOW * float(np.quantile(self.I, 0.99))
+        dark = SHADOW * float(np.quantile(self.levels, 0.99))
 
         def shaded(I: np.ndarray, L: np.ndarray, e: np.ndarray) -> np.ndarray:
             w = (I > dark) & (e > FAINT)
@@ -124,13 +124,13 @@ class Near:
         step = max(1, SAMPLES // len(self.vectors))
         r0 = np.linalg.norm(self.vectors - self.middle, axis=1).mean()
         found = []
-        for k in range(0, len(self.I), step):
+        for k in range(0, len(self.levels), step):
             L, e = arriving(self.X[k : k + step], self.lamps)
-            found.append(f(self.I[k : k + step], L, r0**2 * e))
+            found.append(f(self.levels[k : k + step], L, r0**2 * e))
         return np.concatenate(found)
 
     def showing(self, I: Float[np.ndarray, "p n"]) -> Near:
-        return replace(self, I=I)
+        return replace(self, levels=I)
 
     def reordered(self, order: Int[np.ndarray, " n"]) -> Near:
         return replace(self, lamps=self.lamps[np.argsort(order).tolist()])

@@ -30,7 +30,7 @@ def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[st
     Also the lights that do fit. Orders of near lamps are looked for among directions alone, and have to explain the
     pictures from where the lamps are, too.
     """
-    orders = Orders.of(given.I, given.directions())
+    orders = Orders.of(given.levels, given.directions())
     better = orders.better(names)
     if isinstance(given, Near) and better:
         limit = BETTER * explained(given)

@@ -23,7 +23,8 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
     width = 2 * float(np.linalg.norm(given.X - given.middle, axis=1).max())
     r = np.linalg.norm(given.vectors - given.middle, axis=1)
     usual = float(np.median(r))
-    where = f"{usual / width:.{0 if usual > 10 * width else 1}f} widths of the object away ({usual:.3g} mm, the object {width:.3g} mm)"
+    ratio = f"{usual / width:.0f}" if usual > 10 * width else f"{usual / width:.1f}"
+    where = f"{ratio} widths of the object away ({usual:.3g} mm, the object {width:.3g} mm)"
     numbers = {"object_mm": round(width, 4), "distance_mm": [round(float(v), 4) for v in r]}
     found = []
 
@@ -31,20 +32,20 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
         found.append(Finding("positions", grave, message, numbers))
 
     away = (given.lamps.axes * given.directions()).sum(1) >= 0
-    dark = np.flatnonzero(away & (given.lamps.mu > 0))
-    if dark.size:
+    dark = np.flatnonzero(away & (given.lamps.mu > 0)).tolist()
+    if dark:
         say(
             True,
-            f"{len(dark)} lamps shine away from the object ({listed([names[j] for j in dark])}); turn their axes, which "
-            "point from a lamp to where it shines most.",
+            f"{len(dark)} lamps shine away from the object ({listed([names[j] for j in dark])}); turn their axes, "
+            "which point from a lamp to where it shines most.",
         )
-    odd = np.flatnonzero(np.abs(np.log(r / usual)) > np.log(APART))
-    if odd.size:
+    odd = np.flatnonzero(np.abs(np.log(r / usual)) > np.log(APART)).tolist()
+    if odd:
         text = listed([f"{names[j]} at {r[j]:.3g} mm" for j in odd])
         say(
             True, f"{len(odd)} lamps are much nearer or farther than the others' {usual:.3g} mm ({text}); correct them."
         )
-    factor = None if dark.size else other_scale(given, width)
+    factor = None if dark else other_scale(given, width)
     if factor is not None:
         nearer = f"{1 / factor:.4g} times nearer" if factor < 1 else f"{factor:.3g} times farther"
         say(
@@ -69,9 +70,9 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
 
 def other_scale(given: Near, width: float) -> float | None:
     """The factor of all distances at which the pictures look matt, if they don't as given."""
-    lit = np.flatnonzero(given.I.max(1) > 0)
+    lit = np.flatnonzero(given.levels.max(1) > 0)
     some = lit[:: max(1, len(lit) // PIXELS)]
-    few = replace(given, I=given.I[some], X=given.X[some])
+    few = replace(given, levels=given.levels[some], X=given.X[some])
     r = np.linalg.norm(given.vectors - given.middle, axis=1).min()
     tried = [f for f in FACTORS if f * r > width / 2]  # outside the object
     misfits = [matt_misfit(few.scaled(f)) for f in tried]

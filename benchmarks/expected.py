@@ -1,7 +1,7 @@
 """How far a classical method can be trusted: expected and true errors, and the calibration behind them.
 
     python benchmarks/expected.py [ROOT] [--methods woodham,l1] [--lights 32] [--near 2]
-    python benchmarks/expected.py --fit [--scenes 240]
+    python benchmarks/expected.py --fit [--scenes 232]
 
 Prints Markdown: pixels sorted by expected error and cut into ten equal parts, mean expected and true errors of each in
 degrees, on 64 rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
@@ -25,7 +25,7 @@ from classical import OBJECTS, in_memory, print_row
 import photonormal as pn
 from photonormal.geometry import angle_deg
 from photonormal.solve import METHODS, configure, run
-from photonormal.solve.expected import FILE, evidence_of, linear, terms, with_expected_error
+from photonormal.solve.expected import FILE, FITTED, evidence_of, linear, terms, with_expected_error
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 
@@ -61,7 +61,7 @@ def scenes(count: int, seed: int, step: int = 1, **changes) -> Iterator[pn.Captu
 def fit(count: int) -> None:
     """Render, measure, fit, write."""
     found: Found = {name: [] for name in CLASSICAL}
-    for i, whole in enumerate(scenes(count, 780, lights=(3, 100), scenes=BLOCK, split="train", narrow=0.8)):
+    for i, whole in enumerate(scenes(count, 780, lights=FITTED, scenes=BLOCK, split="train", narrow=0.8)):
         for name in CLASSICAL:
             if name not in SLOW or i // BLOCK % 3 == 0:
                 measured(name, whole, found)
@@ -97,7 +97,7 @@ def write(found: Found, count: int) -> None:
 def calibration(rows: list[tuple[int, np.ndarray, np.ndarray]]) -> dict[str, list]:
     """Weights and a curve at each of IMAGES that enough scenes came near to; rounded to what they mean."""
     n = np.concatenate([np.full(len(e), images) for images, _, e in rows])
-    T, y = np.concatenate([terms(F) for _, F, _ in rows]), np.concatenate([e for *_, e in rows])
+    T, y = np.concatenate([terms(F, F) for _, F, _ in rows]), np.concatenate([e for *_, e in rows])
     fitted: dict[str, list] = {"images": [], "weights": [], "curve": []}
     for images in IMAGES:
         near = np.exp(-0.5 * (np.log(n / images) / NEARBY) ** 2)
@@ -178,7 +178,7 @@ def main() -> None:
     parser.add_argument("--step", type=int, default=1, help="take every STEP-th row and column")
     args = parser.parse_args()
     if args.fit:
-        return fit(args.scenes or 240)
+        return fit(args.scenes or 232)
     distance = None if args.near is None else 2 * args.near
     how = dict(lights=(args.lights, args.lights), scenes=1, distance=distance)
     sets = {"rendered": list(scenes(args.scenes or 64, 12345, args.step, **how))}

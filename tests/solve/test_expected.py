@@ -124,7 +124,8 @@ def test_blocks_of_pixels_change_nothing(monkeypatch):
 
 
 def test_weights_belong_to_terms():
-    count = terms(np.zeros((1, len(EVIDENCE)))).shape[1]
+    F = np.zeros((1, len(EVIDENCE)))
+    count = terms(F, F).shape[1]
     for method, calibration in calibrations().items():
         assert calibration.weights.shape == (len(calibration.images), count + 1), method
         assert (np.diff(calibration.curve, axis=-1) >= 0).all(), method

@@ -16,7 +16,6 @@ from photonormal.shading import fall_off, towards
 from photonormal.types import Lamps
 
 FAINT = 1e-3  # of the light at the object's middle: where less arrives, a sample tells nothing
-
 SAMPLES = 2**20  # of pictures that are changed at a time
 
 

@@ -48,6 +48,8 @@ PRODUCTS = (  # that are terms, too
     ("usual residual", "trimmed"),
     ("trimmed", "uncertainty"),
 )
+FITTED = 3, 100  # images of the scenes that calibrations were fitted to
+PIXELS = 2**20  # whose terms are held at a time
 DIM = Trimmed(lowest=0.0, highest=0.35)
 
 
@@ -60,7 +62,7 @@ def with_expected_error(normals: Normals, capture: Capture, method: str, device:
     if normals.expected_error_deg is not None or method not in calibrations():
         return normals
     F = evidence_of(seen_as_distant(capture, normals), normals, device)
-    found = calibrations()[method](F.double().cpu().numpy())
+    found = calibrations()[method](F.cpu().numpy())
     expected = np.full(normals.mask.shape, np.nan, np.float32)
     expected[normals.mask] = found
     return replace(normals, expected_error_deg=expected)
@@ -176,17 +178,24 @@ class Calibration:
 
     def __call__(self, F: Float[np.ndarray, "p k"]) -> Float[np.ndarray, " p"]:
         """Expected errors, degrees, 0.05 to 90, of pixels of one capture."""
-        T = terms(F)
-        place = np.interp(F[0, EVIDENCE.index("images")], np.log(self.images), np.arange(len(self.images)))
+        images = EVIDENCE.index("images")
+        place = np.interp(F[0, images], np.log(self.images), np.arange(len(self.images)))
         k = min(int(place), len(self.images) - 2)
-        low, high = (np.interp(linear(T, self.weights[i]), *self.curve[i]) for i in (k, k + 1))
-        return np.exp(low + (place - k) * (high - low)).clip(0.05, 90)
+        found = []
+        for first in range(0, len(F), PIXELS):
+            part = F[first : first + PIXELS].astype(np.float64)
+            part[:, images] = part[:, images].clip(*np.log(FITTED))
+            T = terms(part, F)
+            low, high = (np.interp(linear(T, self.weights[i]), *self.curve[i]) for i in (k, k + 1))
+            found.append(np.exp(low + (place - k) * (high - low)).clip(0.05, 90))
+        return np.concatenate(found)
 
 
-def terms(F: Float[np.ndarray, "p k"]) -> Float[np.ndarray, "p t"]:
-    """What the logarithm is linear in: the evidence of one capture's pixels, means of some over all, some products."""
+def terms(F: Float[np.ndarray, "p k"], whole: Float[np.ndarray, "all k"]) -> Float[np.ndarray, "p t"]:
+    """What the logarithm is linear in: evidence of some pixels, means of some of it over the `whole`, products."""
     column = {name: F[:, i] for i, name in enumerate(EVIDENCE)}
-    means = [np.full(len(F), column[name].mean()) for name in OF_ALL]
+    over_all = dict(zip(EVIDENCE, whole.mean(0, dtype=np.float64), strict=True))
+    means = [np.full(len(F), over_all[name]) for name in OF_ALL]
     products = [column[a] * column[b] for a, b in PRODUCTS]
     return np.stack([*F.T, *means, *products], axis=1)
 

@@ -90,14 +90,18 @@ def measure(
             photographs = load(capture, **how)
             exposure, grey = _read(photographs)
         with _stage("solve", seconds), progress(f"normals by {method}"):
+            from photonormal.solve.expected import with_expected_error
+            from photonormal.solve.near import seen_as_distant
             from photonormal.solve.observations import torch_device
 
             where = torch_device(device)
             normals = run(solver, photographs, where)
+            seen = seen_as_distant(photographs, normals)
+            normals = with_expected_error(normals, seen, method, where)
         with _stage("albedo", seconds), progress("albedo"):
             from photonormal.solve.albedo import lambertian_albedo
 
-            albedo = lambertian_albedo(photographs, normals)
+            albedo = lambertian_albedo(seen, normals)
         surface = None
         if mesh:
             with _stage("integrate", seconds), progress(f"depth by {integration}"):
@@ -165,8 +169,8 @@ def _read(capture: Capture) -> tuple[Exposure, np.ndarray]:
 
 
 def _disagreements(capture: Capture, grey: np.ndarray, normals: Normals) -> list[str]:
-    """What the doctor finds gravely wrong with the lights, on a grid of the normals' pixels; it knows distant ones."""
-    if capture.lights is None or capture.lamps is not None:
+    """What the doctor finds gravely wrong with the lights, on a grid of the normals' pixels; near ones by direction."""
+    if capture.lights is None:
         return []
     from photonormal.check.lights import grave
 

@@ -20,7 +20,7 @@ from photonormal.capture.assemble import find_mask, find_pictures
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.texts import read_lines
 from photonormal.export.folder import REPORT, write
-from photonormal.geometry import angle_deg, in_frame
+from photonormal.geometry import angle_deg, in_frame, normalised
 from photonormal.progress import progress
 from photonormal.types import InputError, cores
 
@@ -174,7 +174,9 @@ def check(
         fixed = next((f.lights for f in found if f.lights is not None), None)
         if fixed is not None:
             (folder / "corrected.lp").write_bytes(text.lp(names, fixed))
-            (folder / "corrected.png").write_bytes(encode_png(polar_plot(fixed)))
+            camera = photographs.camera if photographs.lamps is not None else None
+            middle = 0 if camera is None else camera.flat_mm(photographs.mask).mean(0)  # lamps' are positions
+            (folder / "corrected.png").write_bytes(encode_png(polar_plot(normalised(fixed - middle))))
         written = [Path(out) / p.name for p in sorted(folder.iterdir())]
     return found, written
 

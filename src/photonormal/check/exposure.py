@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from photonormal.calibrate.intensities import SHADOW, robust_normals
 from photonormal.check.finding import Finding, listed
+from photonormal.check.given import Given, matt_misfit
 from photonormal.check.samples import Samples
 from photonormal.types import Capture
 
@@ -88,13 +88,14 @@ def bits(samples: Samples, capture: Capture) -> list[Finding]:
     ]
 
 
-def encoding(I: np.ndarray, bits: int | None, L: np.ndarray) -> list[Finding]:
+def encoding(given: Given, bits: int | None) -> list[Finding]:
     """Eight-bit pictures that fit the linear model better once they are linearised."""
     if bits != 8:
         return []
-    I = I[:: max(1, len(I) // PIXELS)] / max(float(I.max()), 1e-12)
+    I = given.levels / max(float(given.levels.max()), 1e-12)
     linear = np.where(I <= 0.04045, I / 12.92, ((I + 0.055) / 1.055) ** 2.4)
-    as_is, decoded = _misfit(I, L), _misfit(linear, L)
+    step = max(1, len(I) // PIXELS)
+    as_is, decoded = (matt_misfit(given.showing(x), step) for x in (I, linear))
     if decoded > ENCODED * as_is:
         return []
     return [
@@ -106,11 +107,3 @@ def encoding(I: np.ndarray, bits: int | None, L: np.ndarray) -> list[Finding]:
             {"misfit": round(as_is, 5), "misfit_linearised": round(decoded, 5)},
         )
     ]
-
-
-def _misfit(I: np.ndarray, L: np.ndarray) -> float:
-    """Median of |I - l.b| / |b| over lit samples."""
-    lit = I > SHADOW * np.quantile(I, 0.99)
-    b = robust_normals(I, L, lit)
-    r = np.abs(I - b @ L.T) / np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
-    return float(np.median(r[lit])) if lit.any() else 0.0

@@ -14,11 +14,11 @@ class Finding:
 
     Parameters
     ----------
-    kind : saturation, darkness, bits, encoding, coverage, order, frame, intensities, motion or ambient
+    kind : saturation, darkness, bits, encoding, coverage, positions, order, frame, intensities, motion or ambient
     grave : it spoils the normals; otherwise it limits how good they can get
     message : what was found and what to do, one line
     numbers : the figures behind it
-    lights : (n, 3) directions that fit the pictures better, where there are some
+    lights : (n, 3) that fit the pictures better, where there are some: directions, or positions in mm of near lamps
     """
 
     kind: str

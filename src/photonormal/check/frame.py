@@ -130,26 +130,26 @@ def best_frame(N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]) -> 
 
 
 def wrong_frame(
-    N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"]
-) -> Finding | None:
-    """The lights' frame, if the normals `N` that they give are no surface's."""
+    N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]
+) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:
+    """The lights' frame, if the normals `N` that they give are no surface's, and what corrects the lights."""
     if (N[mask][:, 2] < 0).mean() > 0.5:
-        return Finding(
+        finding = Finding(
             "frame",
             True,
             "the normals point away from the camera: z of the lights is flipped; turn its sign in the lights' file, or "
             "use --frame.",
-            lights=L * [1, 1, -1],
         )
+        return finding, np.diag([1.0, 1.0, -1.0])
     best, numbers = best_frame(N, mask)
     if best == GIVEN:
         return None
     hollow = " (or the object is hollow)" if not best.mirrored and best.turn_deg == 180 else ""
-    return Finding(
+    finding = Finding(
         "frame",
         True,
         f"the lights' frame disagrees with the pictures: {best.name()}{hollow}; x is right, y up and z to the camera "
         "here, so correct the lights' file.",
         numbers | {"frame": best.name()},
-        lights=L @ best.matrix().T,
     )
+    return finding, best.matrix()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,7 +11,8 @@ from jaxtyping import Bool, Float
 from photonormal.calibrate.intensities import self_calibrated
 from photonormal.check.finding import Finding, listed
 from photonormal.check.frame import GIVEN, best_frame, wrong_frame
-from photonormal.check.order import Orders, name_of
+from photonormal.check.given import Given, Near
+from photonormal.check.order import BETTER, Orders, name_of
 from photonormal.geometry import normalised
 
 PIXELS = 1200  # that intensities and ambient light are estimated from
@@ -22,16 +24,32 @@ BAD_ORDER = 0.35  # misfit of the given order, 1 is chance: right ones stayed be
 LEAST = 100  # samples in attached shadow at least
 
 
-def disagreement(
-    I: Float[np.ndarray, "p n"], mask: Bool[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"], names: Sequence[str]
-) -> list[Finding]:
-    """The order or the frame of the lights, where another one fits the pictures; both where both are wrong."""
-    orders = Orders.of(I, L)
+def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> tuple[list[Finding], Given]:
+    """The order or the frame of the lights, where another one fits the pictures; both where both are wrong.
+
+    Also the lights that do fit. Orders of near lamps are looked for among directions alone, and have to explain the
+    pictures from where the lamps are, too.
+    """
+    orders = Orders.of(given.levels, given.directions())
     better = orders.better(names)
+    if isinstance(given, Near) and better:
+        limit = BETTER * explained(given)
+        better = [order for order in better if explained(given.reordered(order)) < limit]
     if better:
-        return [_reordered(I, mask, L, names, orders, better)]
-    found = wrong_frame(normal_map(I, mask, L), mask, L)
-    return [] if found is None else [found]
+        return _reordered(given, mask, names, orders, better)
+    L = given.directions()
+    found = wrong_frame(normal_map(given.seen(), mask, L), mask)
+    if found is None:
+        return [], given
+    finding, M = found
+    fixed = given.turned(M)
+    return [replace(finding, lights=fixed.vectors)], fixed
+
+
+def explained(given: Given) -> float:
+    """Misfit of the lights as they are, 0 as low as three dimensions allow, 1 as bad as chance."""
+    L = given.directions()
+    return Orders.of(given.seen(), L).misfit(np.arange(len(L)))
 
 
 def grave(
@@ -50,8 +68,8 @@ def grave(
             f"the lights explain the pictures badly (misfit {misfit:.2f}, 1 is chance): their order may be wrong; run "
             "`photonormal check` on this capture."
         ]
-    found = wrong_frame(N, mask, L)
-    return [] if found is None else [f"{found.message} `photonormal check` writes corrected lights."]
+    found = wrong_frame(N, mask)
+    return [] if found is None else [f"{found[0].message} `photonormal check` writes corrected lights."]
 
 
 def normal_map(
@@ -64,26 +82,24 @@ def normal_map(
 
 
 def _reordered(
-    I: np.ndarray, mask: np.ndarray, L: np.ndarray, names: Sequence[str], orders: Orders, better: list[np.ndarray]
-) -> Finding:
+    given: Given, mask: np.ndarray, names: Sequence[str], orders: Orders, better: list[np.ndarray]
+) -> tuple[list[Finding], Given]:
     """Of equally good orders the first that needs no other frame; else the first, with its frame corrected."""
-    fixed, frames = [], []
-    for order in better:
-        lights = np.empty_like(L)
-        lights[order] = L  # light i belongs to picture order[i]
-        fixed.append(lights)
-        frames.append(best_frame(normal_map(I, mask, lights), mask)[0])
+    fixed = [given.reordered(order) for order in better]
+    frames = [best_frame(normal_map(f.seen(), mask, f.directions()), mask)[0] for f in fixed]
     k = next((k for k, frame in enumerate(frames) if frame == GIVEN), 0)
     also = "" if frames[k] == GIVEN else f", and {frames[k].name()}"
-    before, after = orders.misfit(np.arange(len(L))), orders.misfit(better[k])
-    return Finding(
+    before, after = orders.misfit(np.arange(len(names))), orders.misfit(better[k])
+    right = fixed[k].turned(frames[k].matrix())
+    finding = Finding(
         "order",
         True,
         f"the lights are not in the pictures' order: {name_of(better[k], names)} fits{also} (misfit {after:.2f} "
         f"instead of {before:.2f}, 1 is chance); put the lights' file in that order, or use the corrected one.",
         {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(better[k], names)},
-        lights=fixed[k] @ frames[k].matrix().T,
+        lights=right.vectors,
     )
+    return [finding], right
 
 
 def intensities(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"], names: Sequence[str]) -> list[Finding]:

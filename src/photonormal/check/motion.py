@@ -12,8 +12,12 @@ SHIFT = 1.3  # pixels that shading alone can feign
 GAIN = 0.03  # of correlation that a shift brings at least
 
 
-def shifts(edges: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
+def shifts(
+    edges: Float[np.ndarray, "n a b"], expected: Float[np.ndarray, "n a b"] | None = None
+) -> Float[np.ndarray, "n 2"]:
     """Shift (x right, y down) in pixels of each picture against the mean of the others; 0 where it is not certain.
+
+    `expected` is compared with instead, where it is given.
 
     Phase correlation finds it; it counts if correlation of the edges confirms it.
     """
@@ -23,18 +27,23 @@ def shifts(edges: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
     window = cv2.createHanningWindow(edges.shape[:0:-1], cv2.CV_32F)
     found = np.zeros((n, 2))
     for j, edge in enumerate(edges):
-        others = (total - edge) / (n - 1)
+        others = (total - edge) / (n - 1) if expected is None else expected[j]
         (x, y), _ = cv2.phaseCorrelate(_centred(others), _centred(edge), window)
         if SHIFT < np.hypot(x, y) < FARTHEST and _gain(others, edge, round(x), round(y)) > GAIN:
             found[j] = x, y
     return found
 
 
-def motion(edges: Float[np.ndarray, "n a b"], scale: float, names: list[str]) -> list[Finding]:
+def motion(
+    edges: Float[np.ndarray, "n a b"],
+    scale: float,
+    names: list[str],
+    expected: Float[np.ndarray, "n a b"] | None = None,
+) -> list[Finding]:
     """Pictures that moved; `scale` is that of `edges` against the photographs."""
     if min(edges.shape[1:]) < 32:
         return []
-    shift = shifts(edges) / scale
+    shift = shifts(edges, expected) / scale
     moved = np.flatnonzero(np.abs(shift).max(1) > 0)
     if not moved.size:
         return []

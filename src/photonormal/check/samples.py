@@ -8,7 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.calibrate.mask import mask_from_shading
-from photonormal.types import Capture, InputError
+from photonormal.check.given import Near
+from photonormal.types import Capture, InputError, Lamps
 
 PIXELS = 40_000  # at most, on a regular grid: slopes of the normals need neighbours
 EDGE_SIZE = 400  # longest side of the pictures whose edges tell motion
@@ -22,20 +23,23 @@ class Samples:
     Parameters
     ----------
     I : (p, n) grey levels on the grid's pixels inside the mask
-    mask : (h, w) bool, the grid; `step` pixels of the photographs apart
+    mask : (h, w) bool, the grid
+    grid : its rows and columns in the photographs
     saturated, zero : (n,) fraction of the mask's samples
     level : (n,) median grey level inside the mask, as a fraction of full scale
     edges : (n, a, b) strength of the pictures' edges, in [0, 1], in the mask's box at `scale`
+    small : the pictures that they are of, and where their pixels lie in mm; None under distant lights
     bits : 8, 12 or 16 that the samples really use; None for floats
     """
 
     I: Float[np.ndarray, "p n"]
     mask: Bool[np.ndarray, "h w"]
-    step: int
+    grid: tuple[slice, slice]
     saturated: Float[np.ndarray, " n"]
     zero: Float[np.ndarray, " n"]
     level: Float[np.ndarray, " n"]
     edges: Float[np.ndarray, "n a b"]
+    small: tuple[Float[np.ndarray, "n a b"], Float[np.ndarray, "a b 3"]] | None
     scale: float
     bits: int | None
 
@@ -50,30 +54,33 @@ def read(capture: Capture) -> Samples:
     scale = min(1.0, EDGE_SIZE / max(mask[box].shape))
     kind = np.dtype(getattr(capture.images, "dtype", np.float32))
 
-    def one(j: int, image: np.ndarray) -> tuple[np.ndarray, float, float, float, np.ndarray, int]:
+    def one(j: int, image: np.ndarray) -> tuple[np.ndarray, float, float, float, np.ndarray, np.ndarray, int]:
         inside = image[mask]  # (p, c)
         white = np.inf if capture.saturation is None else capture.saturation[j]
         full = 1.0 if capture.saturation is None else float(np.mean(capture.saturation[j]))
         grey = image.mean(-1)
+        small = _small(grey[box], scale)
         return (
             grey[grid][mask[grid]],
             float((inside >= white * (1 - 1e-5)).mean()),
             float((inside <= 0).mean()),
             float(np.median(inside)) / full,
-            _edges(grey[box], scale),
+            small,
+            _edges(small),
             _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
         )
 
-    I, saturated, zero, level, edges, bits = zip(*capture.map_images(one), strict=True)
+    I, saturated, zero, level, small, edges, bits = zip(*capture.map_images(one), strict=True)
     levels = np.stack(I, axis=-1).astype(np.float64)
     return Samples(
         np.minimum(levels, np.quantile(levels, CAP)),
         mask[grid],
-        step,
+        grid,
         np.array(saturated),
         np.array(zero),
         np.array(level),
         np.stack(edges),
+        None if capture.lamps is None else (np.stack(small), _places(capture, box, small[0].shape)),
         scale,
         max(bits) if kind.kind == "u" else None,
     )
@@ -93,6 +100,26 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
     return samples.I[mask.ravel()], mask
 
 
+def expected_edges(samples: Samples, lamps: Lamps) -> Float[np.ndarray, "n a b"]:
+    """Edges of the pictures that the matt surface which explains all of them best would give under near lamps.
+
+    Shading has edges of its own there, which move with the lamp.
+    """
+    assert samples.small is not None
+    pictures, X = samples.small
+    matt = Near(pictures.reshape(len(pictures), -1).T, X.reshape(-1, 3), lamps).matt()
+    return np.stack([_edges(picture) for picture in matt.T.reshape(pictures.shape)])
+
+
+def _places(capture: Capture, box: tuple[slice, slice], shape: tuple[int, ...]) -> Float[np.ndarray, "a b 3"]:
+    """Where the pixels of a reduced picture of the box lie, on a plane at the object's mean depth."""
+    import cv2
+
+    assert capture.camera is not None
+    X = capture.camera.points_mm(np.full(capture.mask.shape, np.nan))[box]
+    return cv2.resize(X, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
+
+
 def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:
     """Bits that the samples of a 16-bit file use: 8 where all are multiples of 257, 12 where none is above 4095."""
     if not np.all(np.isfinite(white)):
@@ -103,12 +130,16 @@ def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:
     return 12 if values.max() <= 4095 else 16
 
 
-def _edges(grey: np.ndarray, scale: float) -> np.ndarray:
+def _small(grey: np.ndarray, scale: float) -> np.ndarray:
+    import cv2
+
+    return cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else grey
+
+
+def _edges(grey: np.ndarray) -> np.ndarray:
     """Strength of the edges of the logarithm: they stay where lights change, and move with the camera."""
     import cv2
 
-    if scale < 1:
-        grey = cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     bright = max(float(np.quantile(grey, 0.95)), 1e-9)
     log = cv2.GaussianBlur(np.log(np.maximum(grey / bright, 0) + 0.02).astype(np.float32), (0, 0), 1.0)
     m = np.hypot(*(cv2.Sobel(log, cv2.CV_32F, dx, 1 - dx, scale=1 / 8) for dx in (1, 0)))

@@ -96,12 +96,18 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name
 
+    Returns
+    -------
+    Normals, with how far each is expected to be off where the method tells (`photonormal.solve.expected`).
+
     Raises
     ------
     InputError
         If the method or an option does not exist, or the capture can't be solved by it.
     """
     solver = configure(method, **options)
+    from photonormal.solve.expected import with_expected_error
     from photonormal.solve.observations import torch_device
 
-    return run(solver, capture, torch_device(device))
+    where = torch_device(device)
+    return with_expected_error(run(solver, capture, where), capture, method, where)

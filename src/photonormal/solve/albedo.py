@@ -7,6 +7,7 @@ import threading
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.solve.near import seen_as_distant
 from photonormal.types import Capture, Normals
 
 
@@ -15,10 +16,7 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
 
     Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1). Highlights brighten it.
     """
-    if capture.lamps is not None:
-        from photonormal.solve.near import evened, surface_mm
-
-        capture = evened(capture, surface_mm(capture, normals))
+    capture = seen_as_distant(capture, normals)
     N = normals.map[normals.mask]  # (p, 3)
     if capture.lights_at is None:
         cos = N @ capture.known_lights().T.astype(np.float32)  # (p, n)

@@ -78,6 +78,11 @@ def surface_mm(capture: Capture, normals: Normals) -> Float[np.ndarray, "p 3"]:
     return camera.points_mm(integrate(normals, "bilateral", K=camera.K).depth)[capture.mask]
 
 
+def seen_as_distant(capture: Capture, normals: Normals) -> Capture:
+    """The capture with what near lamps send to the surface of these normals evened out; any other capture as it is."""
+    return capture if capture.lamps is None else evened(capture, surface_mm(capture, normals))
+
+
 def evened(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:
     """The capture as if every lamp sent the same light everywhere, for a surface whose pixels on the mask lie at `X`.
 

@@ -74,7 +74,16 @@ def _written(table: Table, m: Marks) -> str:
 
 def heading(table: Table, column: str, counted: bool = True) -> str:
     """What stands above a column; an average says over how many objects."""
-    return f"average of {table.over}" if column == "average" and counted else NAMES.get(column, column)
+    counts = {"average": f"average of {table.over}", "mean_deg": f"mean of {table.over}, deg"} if counted else {}
+    return counts.get(column) or NAMES.get(column, column)
+
+
+def shortfall(row: Row, table: Table, column: str) -> str:
+    """What stands behind a row's average that is over fewer objects or draws than others: " (of 3, 20 draws)"."""
+    if column not in ("average", "mean_deg"):
+        return ""
+    parts = [f"of {row.over}"] * (row.over != table.over) + [f"{row.draws} draws"] * (row.draws != table.draws)
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def costs(row: Row) -> list[str]:
@@ -110,8 +119,7 @@ def _cells(row: Row, table: Table, m: Marks) -> list[str]:
             continue
         text = f"{cell.value:.2f}" + ("" if cell.spread is None else f" {m.pm} {cell.spread:.2f}")
         text = {1: m.bold, 2: m.underlined}.get(table.rank(column).get(row.label, 0), str)(text)
-        if column == "average" and row.over != table.over:
-            text += f" (of {row.over})"
+        text += shortfall(row, table, column)
         found.append(text + (f" {m.small(beside(cell))}" if cell.published is not None else ""))
     return found
 
@@ -139,6 +147,7 @@ def _plain(table: Table) -> dict:
                 "measured": {c: round(v.value, 4) for c, v in r.cells.items()},
                 "spread": {c: round(v.spread, 4) for c, v in r.cells.items() if v.spread is not None},
                 "average_over": r.over,
+                "draws": r.draws,
                 "seconds": {"read": r.cost.read_s, "solve": r.cost.solve_s},
                 "peak_memory_mb": r.cost.peak_memory_mb,
                 "gpu_memory_mb": r.cost.gpu_memory_mb,

@@ -49,7 +49,13 @@ class Cost:
 
 @dataclass(frozen=True)
 class Row:
-    """One method. `over`: objects in its average; `sources`: the published rows that its figures are set beside."""
+    """One method.
+
+    Parameters
+    ----------
+    over, draws : objects in its average, and draws of each
+    sources : the published rows that its figures are set beside
+    """
 
     label: str
     method: str
@@ -57,6 +63,7 @@ class Row:
     over: int
     cost: Cost
     sources: tuple[Published, ...] = ()
+    draws: int = 1
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,6 @@ class Table:
     dataset: str
     protocol: str
     images: int
-    draws: int
     versions: tuple[str, ...]
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
@@ -86,6 +92,11 @@ class Table:
     def over(self) -> int:
         """Objects in the average of the row that has most."""
         return max((row.over for row in self.rows), default=0)
+
+    @property
+    def draws(self) -> int:
+        """Draws of the row that has most."""
+        return max((row.draws for row in self.rows), default=0)
 
     def rank(self, column: str) -> dict[str, int]:
         """label -> 1 for the best rows of a column and 2 for the second best, as printed with two places."""
@@ -163,7 +174,6 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
         dataset=dataset,
         protocol=protocol,
         images=images,
-        draws=len({s.prediction.record["selection"] for s in whole}),
         versions=tuple(sorted({known[r.label, dataset]["photonormal"] for r in rows})),
         columns=columns,
         rows=tuple(rows),
@@ -198,7 +208,8 @@ def _row(label: str, method: str, mine: list[Scored], columns: Sequence[str], so
         spread = statistics.stdev(values) if len(values) > 1 else None
         cells[column] = Cell(statistics.fmean(values), spread, p and p.value(column, objects))
     used = tuple(p for p in sources if p in theirs.values())
-    return Row(label, method, cells, len(objects), _cost(mine), used)
+    draws = {s.prediction.record["selection"] for s in mine if s.prediction.protocol != "sound"}
+    return Row(label, method, cells, len(objects), _cost(mine), used, len(draws))
 
 
 def _cost(mine: list[Scored]) -> Cost:

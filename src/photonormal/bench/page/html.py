@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from photonormal.bench.formats import beside, costs, heading, notes
+from photonormal.bench.formats import beside, costs, heading, notes, shortfall
 from photonormal.bench.tables import Row, Table
 
 
@@ -52,8 +52,7 @@ def _cells(row: Row, table: Table) -> list[str]:
         text = f"{cell.value:.2f}" + ("" if cell.spread is None else f" ± {cell.spread:.2f}")
         rank = table.rank(column).get(row.label, 0)
         text = {1: f"<b>{text}</b>", 2: f"<u>{text}</u>"}.get(rank, text)
-        if column == "average" and row.over != table.over:
-            text += f" (of {row.over})"
+        text += shortfall(row, table, column)
         small = f"<small>{beside(cell)}</small>" if cell.published is not None else ""
         found.append(f'<td data-value="{cell.value:.6f}">{text}{small}</td>')
     return found

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from photonormal.bench.published import Published
-from photonormal.bench.tables import HIGHER, Cell, Row, Table
+from photonormal.bench.tables import HIGHER, SOUND, Cell, Row, Table
 
 NAMES = {"mean_deg": "mean, deg", "below_15": "< 15 deg, %", "below_30": "< 30 deg, %"}
 
@@ -62,20 +62,30 @@ def _written(table: Table, m: Marks) -> str:
         ),
     ]
     if table.only_published:
-        rows = [
-            [m.text(p.name), *(f"{p.values[c]:.2f}" if c in p.values else "" for c in table.columns)]
-            for p in table.only_published
-        ]
-        parts.append(m.paragraph("Published by others, not measured here (averages over what they print):"))
-        parts.append(m.table(["method", *(heading(table, c, False) for c in table.columns)], rows))
+        head, rows = published_rows(table)
+        parts.append(m.paragraph("Published by others, not measured here:"))
+        parts.append(m.table(head, [[m.text(name), *values] for name, *values in rows]))
     parts += [m.paragraph(m.text(note)) for note in notes(table)]
     return "\n".join(parts)
 
 
-def heading(table: Table, column: str, counted: bool = True) -> str:
+def heading(table: Table, column: str) -> str:
     """What stands above a column; an average says over how many objects."""
-    counts = {"average": f"average of {table.over}", "mean_deg": f"mean of {table.over}, deg"} if counted else {}
+    counts = {"average": f"average of {table.over}", "mean_deg": f"mean of {table.over}, deg"}
     return counts.get(column) or NAMES.get(column, column)
+
+
+def published_rows(table: Table) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of methods that are only published: their average over our objects, and over all as printed."""
+    columns = [c for c in table.columns if not c.startswith(SOUND)]
+    head = ["method", *(NAMES.get(c) or heading(table, c) for c in columns)]
+    rows = []
+    for p in table.only_published:
+        values = [p.value(c, table.measured) for c in columns]
+        if "average" in columns:
+            values.append(p.values.get("average"))
+        rows.append([p.name, *("" if v is None else f"{v:.2f}" for v in values)])
+    return [*head, *(["average as printed"] if "average" in columns else [])], rows
 
 
 def shortfall(row: Row, table: Table, column: str) -> str:

@@ -106,6 +106,13 @@ class Table:
         return {label: steps.index(v) + 1 for label, v in values.items() if v in steps} if len(values) > 1 else {}
 
     @property
+    def measured(self) -> list[str]:
+        """Objects in the average of the row that has most."""
+        sound = [o for c in self.columns if c.startswith(SOUND) for o in c.removeprefix(SOUND).split(", ")]
+        row = next((r for r in self.rows if r.over == self.over), None)
+        return [o for o in self.objects if row and o in row.cells and o not in sound]
+
+    @property
     def objects(self) -> tuple[str, ...]:
         """Columns that are objects."""
         return tuple(c for c in self.columns if not c.startswith("average") and c not in MEANS)

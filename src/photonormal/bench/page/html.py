@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from photonormal.bench.formats import beside, costs, heading, notes, shortfall
+from photonormal.bench.formats import beside, costs, heading, notes, published_rows, shortfall
 from photonormal.bench.tables import Row, Table
 
 
@@ -30,12 +30,10 @@ def _section(table: Table) -> str:
     ]
     parts += [_table(head, rows), "</details>"]
     if table.only_published:
-        rows = [
-            [_th(p.name), *(_number(f"{p.values[c]:.2f}" if c in p.values else "") for c in table.columns)]
-            for p in table.only_published
-        ]
+        head, published = published_rows(table)
+        rows = [[_th(name), *(_number(v) for v in values)] for name, *values in published]
         parts.append("<details><summary>Published by others, not measured here</summary>")
-        parts += [_table(["method", *(heading(table, c, False) for c in table.columns)], rows), "</details>"]
+        parts += [_table(head, rows), "</details>"]
     parts.append("<details><summary>Sources and remarks</summary><ul>")
     parts += [f"<li>{escape(note)}</li>" for note in notes(table)]
     parts.append("</ul></details></section>")

@@ -79,7 +79,7 @@ def seconds(wish: Wish) -> Figure:
 
 
 def name_points(figure: Figure, a: Any, points: list[tuple[float, float]], names: list[str]) -> None:
-    """Write a name beside each point where it covers least of other names and points; a line leads to one further off."""
+    """Write a name beside each point where it covers least of other names and points; far ones get a line."""
     from matplotlib.text import Text
     from matplotlib.transforms import Bbox
 

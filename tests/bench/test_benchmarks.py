@@ -39,7 +39,7 @@ def test_diligent_keeps_the_benchmark_s_order_and_seeds(root):
     assert items("diligent", root / "pmsData") == found
 
 
-def test_materials_have_means_instead_of_columns(tmp_path):
+def test_materials_have_means_instead_of_columns(tmp_path, run):
     for k in range(14):
         write_diligent(tmp_path / "root" / f"material-{k}", lambertian(sphere(24), ring(6, 60), 0.1 + k / 20))
     done = bench("materials", tmp_path / "root", tmp_path / "runs", methods="woodham")
@@ -48,6 +48,11 @@ def test_materials_have_means_instead_of_columns(tmp_path):
     assert table.dataset == "materials-root"  # the same materials on another object stay apart
     assert table.columns == ("mean_deg", "below_15", "below_30") and table.rows[0].over == 14
     assert table.rows[0].cells["below_30"].value == 100
+    bench("materials", tmp_path / "root", tmp_path / "runs", methods="trimmed", objects="material-2,material-5")
+    printed = run("table", tmp_path / "runs")[1].splitlines()
+    assert "| method | mean of 14, deg |" in " ".join(printed)
+    first = {x.split("|")[1].strip(): x.split("|")[2] for x in reversed(printed) if x.startswith("| ")}
+    assert "(of 2)" in first["trimmed"] and "(of" not in first["woodham"]
 
 
 def test_cycles_finds_renderings_and_their_counts(tmp_path, capture):

@@ -8,9 +8,13 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
 from photonormal.bench.figures import FIGURES, Wish
 from photonormal.bench.figures.convergence import convergence, read_journal
-from photonormal.bench.figures.curves import images, seconds
+from photonormal.bench.figures.curves import _area, images, name_points, seconds
 from photonormal.bench.figures.maps import dataset_of, errors
 from photonormal.bench.figures.materials import materials
 from photonormal.bench.figures.relief import relief
@@ -60,6 +64,23 @@ def test_error_against_images_is_the_tables_average(pair):
 def test_error_against_seconds_has_a_mark_for_each_method(runs):
     axes = seconds(Wish((str(runs),))).axes[0]
     assert {t.get_text() for t in axes.texts} == {"woodham", "trimmed"} and len(axes.lines) == 2
+
+
+def test_names_of_many_points_do_not_cover_each_other():
+    seconds_ = (5.4, 1.6, 0.06, 0.08, 0.5, 0.8, 0.7, 0.9, 0.5, 4.1, 7.3, 0.8, 2.7, 12.4, 13.7)
+    errors_ = (5.7, 7.2, 10.2, 6.6, 6.9, 6.5, 6.9, 7.3, 6.2, 9.3, 8.3, 6.1, 6.6, 6.1, 5.4)
+    points = list(zip(seconds_, errors_, strict=True))
+    figure = Figure(figsize=(4.8, 3.4))
+    a = figure.subplots()
+    a.plot(*zip(*points, strict=True), "o")
+    a.set_xscale("log")
+    name_points(figure, a, points, [f"method-{i}" for i in range(15)])
+    figure.draw_without_rendering()
+    boxes = [Text.get_window_extent(t) for t in a.texts]
+    assert len(boxes) == 15
+    assert max(_area(Bbox.intersection(p, q)) for i, p in enumerate(boxes) for q in boxes[:i]) < 1  # pixel
+    border = a.get_window_extent()
+    assert all(border.x0 <= b.x0 and b.x1 <= border.x1 and border.y0 <= b.y0 and b.y1 <= border.y1 for b in boxes)
 
 
 def test_materials_are_in_the_order_of_least_squares(runs):

@@ -48,21 +48,33 @@ def test_draws_have_a_mean_and_a_spread(runs):
     assert cell.spread == pytest.approx((sum((v - mean) ** 2 for v in values) / 2) ** 0.5)
 
 
+def test_a_row_of_fewer_draws_says_so(runs, tmp_path, run):
+    shutil.copytree(runs, tmp_path / "runs")
+    for path in (tmp_path / "runs" / "trimmed" / "diligent").glob("*@6-002.*"):
+        path.unlink()
+    draws = next(t for t in tables(tmp_path / "runs") if t.protocol == "draws")
+    assert draws.draws == 3 and {r.label: r.draws for r in draws.rows} == {"trimmed": 2, "woodham": 3}
+    printed = run("table", tmp_path / "runs")[1].split("3 random draws")[1]
+    lines = [line for line in printed.splitlines() if line.startswith("| ")]
+    assert "(2 draws) |" in next(x for x in lines if x.startswith("| trimmed"))
+    assert "draws)" not in next(x for x in lines if x.startswith("| woodham"))
+
+
 def test_the_best_is_bold_and_the_second_underlined_with_ties():
     rows = (row("a", x=1.001, average=1), row("b", x=0.999, average=1), row("c", x=2.0, average=9), row("d", x=3.0))
-    table = Table("d", "all", 96, 1, ("0",), ("x", "average"), rows)
+    table = Table("d", "all", 96, ("0",), ("x", "average"), rows)
     assert table.rank("x") == {"a": 1, "b": 1, "c": 2}
 
 
 def test_an_average_over_fewer_objects_is_never_the_best():
     rows = (row("a", x=5.0, y=6.0, average=5.5), row("b", x=1.0, average=1.0), row("c", x=7.0, y=7.0, average=7.0))
-    table = Table("d", "all", 96, 1, ("0",), ("x", "y", "average"), rows)
+    table = Table("d", "all", 96, ("0",), ("x", "y", "average"), rows)
     assert table.rank("average") == {"a": 1, "c": 2}
 
 
 def test_more_is_better_for_shares():
     rows = (row("a", below_15=90.0), row("b", below_15=95.0))
-    assert Table("d", "all", 96, 1, ("0",), ("below_15",), rows).rank("below_15") == {"b": 1, "a": 2}
+    assert Table("d", "all", 96, ("0",), ("below_15",), rows).rank("below_15") == {"b": 1, "a": 2}
 
 
 @pytest.fixture
@@ -101,6 +113,9 @@ def test_methods_that_only_others_have_come_apart_and_when_asked(ninety_six, run
     apart = printed.split("Published by others, not measured here")[1]
     assert "| CNN-PS [Ikehata 2018] | 2.12 | 12.30 |" in apart and "looks like a slip" in apart
     assert "CNN-PS" not in printed.split("Published by others")[0]
+    row = next(line for line in apart.splitlines() if line.startswith("| CNN-PS"))
+    assert "| average of 3 | average as printed |" in apart
+    assert row.endswith("| 6.27 | 7.99 |")  # (2.12 + 12.30 + 4.38) / 3
 
 
 def test_a_method_with_other_options_is_not_set_beside_published_figures(root, tmp_path):

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from photonormal.bench.published import Published
-from photonormal.bench.tables import HIGHER, Cell, Row, Table
+from photonormal.bench.tables import HIGHER, SOUND, Cell, Row, Table
 
 NAMES = {"mean_deg": "mean, deg", "below_15": "< 15 deg, %", "below_30": "< 30 deg, %"}
 
@@ -62,19 +62,38 @@ def _written(table: Table, m: Marks) -> str:
         ),
     ]
     if table.only_published:
-        rows = [
-            [m.text(p.name), *(f"{p.values[c]:.2f}" if c in p.values else "" for c in table.columns)]
-            for p in table.only_published
-        ]
-        parts.append(m.paragraph("Published by others, not measured here (averages over what they print):"))
-        parts.append(m.table(["method", *(heading(table, c, False) for c in table.columns)], rows))
+        head, rows = published_rows(table)
+        parts.append(m.paragraph("Published by others, not measured here:"))
+        parts.append(m.table(head, [[m.text(name), *values] for name, *values in rows]))
     parts += [m.paragraph(m.text(note)) for note in notes(table)]
     return "\n".join(parts)
 
 
-def heading(table: Table, column: str, counted: bool = True) -> str:
+def heading(table: Table, column: str) -> str:
     """What stands above a column; an average says over how many objects."""
-    return f"average of {table.over}" if column == "average" and counted else NAMES.get(column, column)
+    counts = {"average": f"average of {table.over}", "mean_deg": f"mean of {table.over}, deg"}
+    return counts.get(column) or NAMES.get(column, column)
+
+
+def published_rows(table: Table) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of methods that are only published: their average over our objects, and over all as printed."""
+    columns = [c for c in table.columns if not c.startswith(SOUND)]
+    head = ["method", *(NAMES.get(c) or heading(table, c) for c in columns)]
+    rows = []
+    for p in table.only_published:
+        values = [p.value(c, table.measured) for c in columns]
+        if "average" in columns:
+            values.append(p.values.get("average"))
+        rows.append([p.name, *("" if v is None else f"{v:.2f}" for v in values)])
+    return [*head, *(["average as printed"] if "average" in columns else [])], rows
+
+
+def shortfall(row: Row, table: Table, column: str) -> str:
+    """What stands behind a row's average that is over fewer objects or draws than others: " (of 3, 20 draws)"."""
+    if column not in ("average", "mean_deg"):
+        return ""
+    parts = [f"of {row.over}"] * (row.over != table.over) + [f"{row.draws} draws"] * (row.draws != table.draws)
+    return f" ({', '.join(parts)})" if parts else ""
 
 
 def costs(row: Row) -> list[str]:
@@ -110,8 +129,7 @@ def _cells(row: Row, table: Table, m: Marks) -> list[str]:
             continue
         text = f"{cell.value:.2f}" + ("" if cell.spread is None else f" {m.pm} {cell.spread:.2f}")
         text = {1: m.bold, 2: m.underlined}.get(table.rank(column).get(row.label, 0), str)(text)
-        if column == "average" and row.over != table.over:
-            text += f" (of {row.over})"
+        text += shortfall(row, table, column)
         found.append(text + (f" {m.small(beside(cell))}" if cell.published is not None else ""))
     return found
 
@@ -139,6 +157,7 @@ def _plain(table: Table) -> dict:
                 "measured": {c: round(v.value, 4) for c, v in r.cells.items()},
                 "spread": {c: round(v.spread, 4) for c, v in r.cells.items() if v.spread is not None},
                 "average_over": r.over,
+                "draws": r.draws,
                 "seconds": {"read": r.cost.read_s, "solve": r.cost.solve_s},
                 "peak_memory_mb": r.cost.peak_memory_mb,
                 "gpu_memory_mb": r.cost.gpu_memory_mb,

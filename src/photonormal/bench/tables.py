@@ -49,7 +49,13 @@ class Cost:
 
 @dataclass(frozen=True)
 class Row:
-    """One method. `over`: objects in its average; `sources`: the published rows that its figures are set beside."""
+    """One method.
+
+    Parameters
+    ----------
+    over, draws : objects in its average, and draws of each
+    sources : the published rows that its figures are set beside
+    """
 
     label: str
     method: str
@@ -57,6 +63,7 @@ class Row:
     over: int
     cost: Cost
     sources: tuple[Published, ...] = ()
+    draws: int = 1
 
 
 @dataclass(frozen=True)
@@ -66,7 +73,6 @@ class Table:
     dataset: str
     protocol: str
     images: int
-    draws: int
     versions: tuple[str, ...]
     columns: tuple[str, ...]
     rows: tuple[Row, ...]
@@ -87,12 +93,24 @@ class Table:
         """Objects in the average of the row that has most."""
         return max((row.over for row in self.rows), default=0)
 
+    @property
+    def draws(self) -> int:
+        """Draws of the row that has most."""
+        return max((row.draws for row in self.rows), default=0)
+
     def rank(self, column: str) -> dict[str, int]:
         """label -> 1 for the best rows of a column and 2 for the second best, as printed with two places."""
         rows = [r for r in self.rows if column in r.cells and (column in self.objects or r.over == self.over)]
         values = {r.label: round(r.cells[column].value, 2) for r in rows}
         steps = sorted(set(values.values()), reverse=column in HIGHER)[:2]
         return {label: steps.index(v) + 1 for label, v in values.items() if v in steps} if len(values) > 1 else {}
+
+    @property
+    def measured(self) -> list[str]:
+        """Objects in the average of the row that has most."""
+        sound = [o for c in self.columns if c.startswith(SOUND) for o in c.removeprefix(SOUND).split(", ")]
+        row = next((r for r in self.rows if r.over == self.over), None)
+        return [o for o in self.objects if row and o in row.cells and o not in sound]
 
     @property
     def objects(self) -> tuple[str, ...]:
@@ -163,7 +181,6 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
         dataset=dataset,
         protocol=protocol,
         images=images,
-        draws=len({s.prediction.record["selection"] for s in whole}),
         versions=tuple(sorted({known[r.label, dataset]["photonormal"] for r in rows})),
         columns=columns,
         rows=tuple(rows),
@@ -198,7 +215,8 @@ def _row(label: str, method: str, mine: list[Scored], columns: Sequence[str], so
         spread = statistics.stdev(values) if len(values) > 1 else None
         cells[column] = Cell(statistics.fmean(values), spread, p and p.value(column, objects))
     used = tuple(p for p in sources if p in theirs.values())
-    return Row(label, method, cells, len(objects), _cost(mine), used)
+    draws = {s.prediction.record["selection"] for s in mine if s.prediction.protocol != "sound"}
+    return Row(label, method, cells, len(objects), _cost(mine), used, len(draws))
 
 
 def _cost(mine: list[Scored]) -> Cost:

@@ -10,6 +10,13 @@ from photonormal.bench.figures.style import COLOURS, LINES, MARKERS, Figure
 from photonormal.bench.tables import Table, tables
 from photonormal.types import InputError
 
+MARK = 6  # points, of a method's mark
+PLACES = tuple(  # of a name beside its mark: distance in points, and direction
+    (far, dx, dy)
+    for far in (5, 12, 20, 30, 42)
+    for dx, dy in ((1, 0), (1, 1), (1, -1), (-1, 0), (-1, 1), (-1, -1), (0, 1), (0, -1))
+)
+
 
 def images(wish: Wish) -> Figure:
     """One line for each method; the band is the standard deviation over random draws."""
@@ -54,13 +61,11 @@ def seconds(wish: Wish) -> Figure:
     if table is None:
         raise InputError(f"{wish.runs} holds no errors from all images; run photonormal bench on a set with truth.")
     rows = [r for r in table.rows if column(table) in r.cells and r.over == table.over]
-    figure = Figure(figsize=(4.2, 3), layout="constrained")
+    figure = Figure(figsize=(4.8, 3.4), layout="constrained")
     a = figure.subplots()
-    for i, row in enumerate(rows):
-        x, y = row.cost.solve_s, row.cells[column(table)].value
-        look = _look(i) | {"linestyle": "none", "markersize": 6}
-        a.plot([x], [y], **look)
-        a.annotate(row.label, (x, y), xytext=(5, 4), textcoords="offset points", fontsize=7)
+    points = [(row.cost.solve_s, row.cells[column(table)].value) for row in rows]
+    for i, (x, y) in enumerate(points):
+        a.plot([x], [y], **_look(i) | {"linestyle": "none", "markersize": MARK})
     a.set_xscale("log")
     a.margins(x=0.2, y=0.12)
     a.xaxis.set_major_formatter("{x:g}")
@@ -69,7 +74,42 @@ def seconds(wish: Wish) -> Figure:
     a.set_xlabel(f"seconds for one object, without reading ({rows[0].cost.machine})")
     a.set_ylabel(summary(table.over))
     a.grid(linewidth=0.3)
+    name_points(figure, a, points, [row.label for row in rows])
     return figure
+
+
+def name_points(figure: Figure, a: Any, points: list[tuple[float, float]], names: list[str]) -> None:
+    """Write a name beside each point where it covers least of other names and points; far ones get a line."""
+    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
+
+    def written(name: str, point: tuple[float, float], far: float, dx: int, dy: int) -> Any:
+        line = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 0, "shrinkB": MARK / 2} if far > MARK else None
+        sides = {"ha": ("right", "center", "left")[dx + 1], "va": ("top", "center", "bottom")[dy + 1]}
+        place = {"xytext": (far * dx, far * dy), "textcoords": "offset points"}
+        return a.annotate(name, point, **place, **sides, fontsize=7, arrowprops=line)
+
+    figure.draw_without_rendering()  # fixes where the points are
+    border = a.get_window_extent()
+    half = MARK / 2 * figure.dpi / 72
+    taken = [Bbox.from_extents(x - half, y - half, x + half, y + half) for x, y in a.transData.transform(points)]
+    for name, point in zip(names, points, strict=True):
+        tried = []
+        for place in PLACES:
+            text = written(name, point, *place)
+            text.get_window_extent()  # moves it there
+            box = Text.get_window_extent(text)  # without its line
+            covered = sum(_area(Bbox.intersection(box, other)) for other in taken)
+            outside = _area(box) - _area(Bbox.intersection(box, border))
+            tried.append((covered + outside, place, box))
+            text.remove()
+        _, place, box = min(tried, key=lambda t: t[0])
+        written(name, point, *place)
+        taken.append(box)
+
+
+def _area(box: Any) -> float:
+    return 0.0 if box is None else box.width * box.height
 
 
 def column(table: Table) -> str:

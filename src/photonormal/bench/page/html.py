@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from photonormal.bench.formats import beside, costs, heading, notes
+from photonormal.bench.formats import beside, costs, heading, notes, published_rows, shortfall
 from photonormal.bench.tables import Row, Table
 
 
@@ -30,12 +30,10 @@ def _section(table: Table) -> str:
     ]
     parts += [_table(head, rows), "</details>"]
     if table.only_published:
-        rows = [
-            [_th(p.name), *(_number(f"{p.values[c]:.2f}" if c in p.values else "") for c in table.columns)]
-            for p in table.only_published
-        ]
+        head, published = published_rows(table)
+        rows = [[_th(name), *(_number(v) for v in values)] for name, *values in published]
         parts.append("<details><summary>Published by others, not measured here</summary>")
-        parts += [_table(["method", *(heading(table, c, False) for c in table.columns)], rows), "</details>"]
+        parts += [_table(head, rows), "</details>"]
     parts.append("<details><summary>Sources and remarks</summary><ul>")
     parts += [f"<li>{escape(note)}</li>" for note in notes(table)]
     parts.append("</ul></details></section>")
@@ -52,8 +50,7 @@ def _cells(row: Row, table: Table) -> list[str]:
         text = f"{cell.value:.2f}" + ("" if cell.spread is None else f" ± {cell.spread:.2f}")
         rank = table.rank(column).get(row.label, 0)
         text = {1: f"<b>{text}</b>", 2: f"<u>{text}</u>"}.get(rank, text)
-        if column == "average" and row.over != table.over:
-            text += f" (of {row.over})"
+        text += shortfall(row, table, column)
         small = f"<small>{beside(cell)}</small>" if cell.published is not None else ""
         found.append(f'<td data-value="{cell.value:.6f}">{text}{small}</td>')
     return found

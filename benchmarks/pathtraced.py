@@ -1,10 +1,10 @@
 """The training renderer against Mitsuba 3 on the same scenes, as a Markdown table; pictures side by side on request.
 
-    python benchmarks/pathtraced.py [--meshes FOLDER] [--pictures FOLDER] [--lights 6] [--size 128] [--samples 128]
+    python benchmarks/pathtraced.py [--meshes FOLDER] [--pictures FOLDER] [--lights 6] [--size 128] [--samples 64]
 
 Both render the same object under the same lights. Errors are means over the images of the mean absolute difference over
 the mean value, on the pixels that light reaches in both; shadows are compared on pixels at least one away from edges.
-Both see the same triangles, of which Mitsuba has all and the training renderer one height a pixel. The last columns
+Both see the same triangles, of which Mitsuba has all and the training renderer three heights a pixel. The last columns
 compare the surface that the training renderer marches to by itself; the triangles of fine detail differ from it, too.
 """
 
@@ -77,21 +77,19 @@ def main() -> None:
     parser.add_argument("--pictures", type=Path, help="folder for pictures side by side")
     parser.add_argument("--lights", type=int, default=6)
     parser.add_argument("--size", type=int, default=128)
-    parser.add_argument("--samples", type=int, default=128)
+    parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--only", help="part of the names of the scenes to render")
     arguments = parser.parse_args()
     scenes: dict[str, dict] = {f"{kind}, varying": {"kind": kind, "seed": 1} for kind in KINDS}
     scenes |= {f"{kind}, matt": {"kind": kind, "seed": 2, "material": MATT} for kind in KINDS[1:4]}
-    statue = read_mesh(arguments.meshes / STATUE).fitted() if arguments.meshes else turtle()
-    name = "nefertiti" if arguments.meshes else "turtle"
-    scenes |= {
-        f"{name}, {what}": {"kind": statue, "material": values}
-        for what, values in {"matt": MATT, "plastic": PLASTIC, "metal": METAL, "coated": COATED}.items()
-    }
-    scenes |= {
-        f"{name}, varying": {"kind": statue, "seed": 3},
-        "bowl, Mitsuba's diffuse": {"kind": bowl(), "material": MATT[:3]},
-    }
+    objects = {"turtle": turtle()}
+    if arguments.meshes:
+        objects["nefertiti"] = read_mesh(arguments.meshes / STATUE).fitted()
+    for name, mesh in objects.items():
+        materials = {"matt": MATT, "plastic": PLASTIC, "metal": METAL, "coated": COATED}
+        scenes |= {f"{name}, {what}": {"kind": mesh, "material": values} for what, values in materials.items()}
+        scenes[f"{name}, varying"] = {"kind": mesh, "seed": 3}
+    scenes["bowl, Mitsuba's diffuse"] = {"kind": bowl(), "material": MATT[:3]}
     scenes |= {
         f"sphere, Mitsuba's {what}": {"kind": sphere(), "material": values, "stock": stock}
         for what, (values, stock) in STOCK.items()

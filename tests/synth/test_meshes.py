@@ -7,7 +7,7 @@ import trimesh
 
 from photonormal.synth import Stream
 from photonormal.synth.meshes import STATUE, MeshViews, load_mesh, load_meshes
-from photonormal.synth.trace import View, visible_surface
+from photonormal.synth.trace import NOWHERE, View, visible_surface
 from photonormal.types import InputError
 
 
@@ -30,6 +30,8 @@ def test_a_fine_sphere_has_a_spheres_normals(folder):
     error = torch.rad2deg(torch.linalg.cross(g.normals[0], n, dim=0).norm(dim=0))[inner]
     assert error.mean() < 0.5 and error.max() < 3
     assert ((g.height[0] * view.pixel - n[2]).abs()[inner] < 0.01).all()
+    assert ((g.behind[0, 0] + g.height[0]).abs()[inner] < 0.5).all()  # as far behind the middle, in pixels
+    assert (g.behind[0, 1] == NOWHERE).all()
 
 
 def test_a_turned_mesh_is_seen_turned(folder):
@@ -40,6 +42,9 @@ def test_a_turned_mesh_is_seen_turned(folder):
                         torch.zeros(2, 1))  # fmt: skip
     assert not g.mask[0, 32, 32] and g.mask[1, 32, 32]  # the hole
     assert g.mask[1].any(1).sum() < 0.5 * g.mask[0].any(1).sum()
+    tube = 0.35 / 1.35 / view.pixel[0]  # its radius in pixels, seen through the hole from its edge
+    z = torch.cat([g.height[1:], g.behind[1]])[:, 32, 32]
+    assert torch.allclose(z, torch.tensor([1.35, 0.65, -0.65]) / 0.35 * tube, atol=0.7)
 
 
 def test_a_stream_of_meshes(folder, monkeypatch):

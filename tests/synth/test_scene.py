@@ -1,5 +1,7 @@
 """Rendered scenes obey the image-formation equation."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -9,7 +11,7 @@ from photonormal.synth.params import rng
 from photonormal.synth.recipes import _NOISELESS, _PERFECT, recipe
 from photonormal.synth.scene import draw_scenes, frame, render
 from photonormal.synth.stream import render_block
-from photonormal.synth.trace import visible_surface
+from photonormal.synth.trace import NOWHERE, Geometry, visible_surface
 
 CPU = torch.device("cpu")
 SIZE = 64
@@ -77,9 +79,10 @@ def test_nothing_is_brighter_than_the_bound_at_mirror_geometry():
     assert I.max() <= BRIGHTEST + 1e-3
 
 
-def test_a_lamp_far_away_is_a_direction():
-    near, _, _ = rendered({"distance": 1e4, "shadows": False, "bounce": 0.0})
-    far, _, _ = rendered({"shadows": False, "bounce": 0.0})
+@pytest.mark.parametrize("bounce", [0.0, 1.0])
+def test_a_lamp_far_away_is_a_direction(bounce):
+    near, _, _ = rendered({"distance": 1e4, "shadows": False, "bounce": bounce})
+    far, _, _ = rendered({"shadows": False, "bounce": bounce})
     assert torch.allclose(near, far, rtol=1e-2, atol=2e-3)
 
 
@@ -93,3 +96,35 @@ def test_a_lamp_nearby_lights_what_is_near_it_more():
     towards = (x * L[..., :1] > 0.2) & lit
     away = (x * L[..., :1] < -0.2) & lit
     assert ratio[towards].mean() > 1.1 * ratio[away].mean()
+
+
+def test_what_is_small_reflects_a_lamp_nearby_as_a_light_from_its_own_direction():
+    """Two small metal roofs that face each other: what the right one sends to the left one."""
+    c = torch.arange(SIZE).expand(SIZE, SIZE) + 0.0
+    r = c.T
+    left, right = (((c - at).abs() < 4) & ((r - 32).abs() < 4) for at in (20, 44))
+    mask = left | right
+    z = (torch.where(left, 20 - c, c - 44) * mask)[None]
+    n = torch.stack([torch.where(left, 1.0, -1.0), torch.zeros(SIZE, SIZE), torch.ones(SIZE, SIZE)]) * 0.5**0.5 * mask
+    nothing = torch.full((1, 2, SIZE, SIZE), NOWHERE)
+    roofs = Geometry(z, n[None], mask[None], torch.zeros(1, 3, SIZE, SIZE), nothing)
+    made = recipe("train", materials=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0), varying=0.0, shadows=False, ambient=0.0)
+    scenes = draw_scenes(made, rng(0), 1, 1, None)
+    scenes.coats.palette[:] = torch.tensor([0.9, 0.7, 0.4, 1, 0.5, 0.5, 0, 0, 0, 0, 0])  # rough metal
+
+    def added(distance: float | None, light: torch.Tensor) -> torch.Tensor:
+        """Light of the bounce (3,) on the left roof."""
+        both, direct = (
+            render(
+                replace(scenes, lights=light.view(1, 1, 3), bounce=torch.tensor([on])), roofs,
+                torch.arange(SIZE**2)[None], recipe(made, distance=distance), None, 0,
+            )
+            for on in (True, False)
+        )  # fmt: skip
+        return (both - direct)[0, 0, :, left.flatten()].mean(1)
+
+    from_middle = torch.tensor([-0.6, 0.0, 0.8])  # the lamp is 36 pixels away
+    to_lamp = 36 * from_middle + torch.tensor([SIZE / 2 - 44 - 0.5, 0, 0])  # from the right roof
+    far = added(None, to_lamp / to_lamp.norm()) * (36 / to_lamp.norm()) ** 2
+    assert torch.allclose(added(36 / (SIZE / 2), from_middle), far, rtol=0.2)
+    assert (added(None, from_middle) > 2 * far).all()  # so that the direction counts

@@ -5,7 +5,7 @@ import torch
 
 from photonormal.synth.params import rng, take
 from photonormal.synth.sculptor import KINDS, draw_solids
-from photonormal.synth.trace import View, approach, gradient, survey, visible_surface
+from photonormal.synth.trace import NOWHERE, View, approach, gradient, survey, visible_surface
 
 
 def seen(solids, b, size=64, half=1.1):
@@ -35,6 +35,45 @@ def test_a_balls_depth_and_normals_are_exact():
     error = torch.rad2deg(torch.linalg.cross(g.normals[0], n, dim=0).norm(dim=0))[inside & (z > 0.1)]
     assert error.max() < 0.05
     assert (g.height[0] * view.pixel - z)[inside & (z > 0.1)].abs().max() < 1e-3
+
+
+def test_rays_leave_a_ball_where_it_ends_and_enter_the_next():
+    solids = ball(0.3)
+    solids.parts.on[:, 1] = True
+    solids.parts.c[:, :2] = torch.tensor([[0.0, 0, 0.5], [0.1, 0, -0.4]])
+    solids.parts.c[:, 2:] = 0
+    solids.wall_n[:], solids.wall_o[:] = torch.tensor([0.0, 0, 1]), -1.0  # what is seen deepest
+    view, g = seen(solids, 1)
+    x, y = (v.view(64, 64) for v in view.rays(64))
+    leaves, enters = g.behind[0] * view.pixel
+    first, second = x**2 + y**2 < 0.27**2, (x - 0.1) ** 2 + y**2 < 0.27**2
+    for z, on, true in (
+        (leaves, first, 0.5 - (0.09 - x**2 - y**2).clamp(min=0).sqrt()),
+        (enters, first & second, -0.4 + (0.09 - (x - 0.1) ** 2 - y**2).clamp(min=0).sqrt()),
+        (enters, first & ((x - 0.1) ** 2 + y**2 > 0.32**2), torch.full_like(x, -1.0)),
+    ):
+        assert (z - true)[on].abs().max() < 1.5 * view.pixel
+        assert (z - true)[on].abs().mean() < 0.3 * view.pixel
+    wall = (x**2 + y**2).sqrt() > 0.8
+    assert (g.behind[0][:, wall] == NOWHERE).all()  # no light comes from below it
+
+
+def test_what_is_behind_is_found_in_drawn_solids():
+    """By steps of half a pixel, which miss nothing that is wider."""
+    solids = draw_solids(rng(3), 6, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), 0.5)
+    for i in range(6):
+        solid = take(solids, slice(i, i + 1))
+        view, g = seen(solid, 1)
+        p = g.points.flatten(2)[:, :, g.mask.flatten()]  # (1, 3, m)
+        z, floor = p[0, 2] / view.pixel, (p[0, 2] / view.pixel).amin()
+        field, down = solid.field(), torch.arange(2, 400)[:, None] / 2
+        d = torch.stack([field(p - torch.tensor([0, 0, 1.0])[:, None] * k * view.pixel)[0] for k in down])
+        deep = z - down < floor + 1
+        out = (d > 0) & ~deep
+        leaves = torch.where(out.any(0), z - 0.5 * out.int().argmax(0) - 1, NOWHERE)
+        found = g.behind[0, 0].flatten()[g.mask.flatten()]
+        found = torch.where(found < floor + 1, NOWHERE, found)
+        assert ((found - leaves).abs() < 2).float().mean() > 0.96
 
 
 def test_every_kind_is_seen_with_unit_normals_that_face_the_camera():

@@ -39,29 +39,32 @@ class MeshViews:
 
     def surface(
         self, centre: Float[Tensor, "b 2"], half: Float[Tensor, " b"], size: int
-    ) -> tuple[Float[Tensor, "b 4 s s"], Float[Tensor, "b 3 s s"]]:
-        """Depth and unit normal (-inf and 0 where there is nothing), and the points in the mesh's own frame."""
+    ) -> tuple[Float[Tensor, "b 6 s s"], Float[Tensor, "b 3 s s"]]:
+        """Depth (-inf: none), unit normal (0) and depths behind (-inf), and the points in the mesh's own frame."""
         maps, points = [], []
         for k, R, c, h in zip(self.which.tolist(), self.R, centre, half, strict=True):
             mesh = self.meshes[k]
             v = mesh.vertices.to(R.device) @ R.T
             xy = (v[:, :2] - c) / h * v.new_tensor([size / 2, -size / 2]) + size / 2  # column, row
-            z, face, w = rasterise(xy, v[:, 2], mesh.faces.to(R.device), size)
+            z, face, w, behind = rasterise(xy, v[:, 2], mesh.faces.to(R.device), size)
             corners = mesh.faces.to(R.device)[face.clamp(min=0)]  # (s, s, 3)
 
             def mixed(values: Tensor, w: Tensor = w, corners: Tensor = corners, face: Tensor = face) -> Tensor:
                 return ((values[corners] * w[..., None]).sum(-2) * (face >= 0)[..., None]).movedim(-1, 0)
 
             n = mixed(mesh.normals.to(R.device) @ R.T)
-            maps.append(torch.cat([z[None], n / n.norm(dim=0).clamp(min=1e-9)]))
+            maps.append(torch.cat([z[None], n / n.norm(dim=0).clamp(min=1e-9), behind]))
             points.append(mixed(mesh.vertices.to(R.device)))
         return torch.stack(maps), torch.stack(points)
 
 
 def rasterise(
     xy: Float[Tensor, "v 2"], z: Float[Tensor, " v"], faces: Int[Tensor, "f 3"], size: int
-) -> tuple[Float[Tensor, "s s"], Int[Tensor, "s s"], Float[Tensor, "s s 3"]]:
-    """Highest face at the centre of each pixel: its depth (-inf: none), index (-1) and barycentric weights."""
+) -> tuple[Float[Tensor, "s s"], Int[Tensor, "s s"], Float[Tensor, "s s 3"], Float[Tensor, "2 s s"]]:
+    """Highest face at the centre of each pixel: its depth (-inf: none), index (-1) and barycentric weights.
+
+    Then the depths behind: of the highest face below that is seen from inside, and of the next seen from outside.
+    """
     device = xy.device
     p = xy[faces]  # (f, 3, 2): column, row
     depth = torch.full((size * size,), -torch.inf, device=device)
@@ -69,7 +72,8 @@ def rasterise(
     low = (p.amin(1) - 0.5).ceil().clamp(min=0).long()  # first and last pixel centres inside a face's box
     high = (p.amax(1) - 0.5).floor().clamp(max=size - 1).long()
     extent = (high - low + 1).amin(1).clamp(min=0), (high - low + 1).amax(1)
-    front = _cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]).abs() > 1e-9
+    area = _cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])  # negative when seen from outside: rows grow downwards
+    front = area.abs() > 1e-9
     kept = []
     width = 1
     while width < 2 * size:
@@ -82,10 +86,17 @@ def rasterise(
     for pixel, d, face in kept:
         top = d == depth[pixel]
         index[pixel[top]] = face[top]
+    behind = [depth]
+    for outside in (False, True):
+        below = torch.full_like(depth, -torch.inf)
+        for pixel, d, face in kept:
+            now = ((area[face] < 0) == outside) & (d < behind[-1][pixel])
+            below.scatter_reduce_(0, pixel[now], d[now], "amax")
+        behind.append(below)
     t = torch.arange(size, device=device) + 0.5
     centre = torch.stack([t.expand(size, size), t[:, None].expand(size, size)], -1)
     w = _weights(p[index.view(size, size).clamp(min=0)], centre)
-    return depth.view(size, size), index.view(size, size), w
+    return depth.view(size, size), index.view(size, size), w, torch.stack(behind[1:]).view(2, size, size)
 
 
 def _covered(p: Tensor, z: Tensor, low: Tensor, high: Tensor, width: int, size: int, faces: Tensor):

@@ -21,7 +21,7 @@ from photonormal.synth.meshes import draw_views
 from photonormal.synth.params import indices, log_uniform, tensor
 from photonormal.synth.recipes import Recipe
 from photonormal.synth.sculptor import draw_solids
-from photonormal.synth.shadows import horizon, reached
+from photonormal.synth.shadows import distant, nearby
 from photonormal.synth.trace import Geometry, Solid, View, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
@@ -132,57 +132,70 @@ def render(
     reflecting = bool(scenes.bounce.any())
     every = torch.cat([pixels, patches], 1) if reflecting else pixels
     N, on = at_points(geometry.normals, every), at_points(geometry.mask[:, None], every)  # (b, 3 or 1, p + q)
-    z = at_points(geometry.height[:, None], every)[:, 0]
-    field = torch.where(geometry.mask, geometry.height, EMPTY)
     skins = dress(scenes.coats, at_points(geometry.points, pixels), shelf)
     albedo = skins_albedo(skins, b)[:, None]  # (b, 1, 3, p)
     ambient = scenes.ambient.view(b, 1, 1, 1) * albedo * on[:, None, :, :p]
     cos_v = N[:, None, 2, :p]
-    bounced = _bounced(scenes, geometry, pixels, N[..., :p], shelf, seed) if reflecting else None
+    bounced = _bounced(scenes, geometry, pixels, N[..., :p], recipe, shelf, seed) if reflecting else None
 
-    def under(L: Tensor) -> Float[Tensor, "b m 3 p"]:
-        """Images under some of the lights."""
-        if recipe.distance is None:
-            cos_l, lz = cosines(N.transpose(1, 2), L).transpose(1, 2), L[..., 2:]  # (b, m, p + q), (b, m, 1)
-            visible = horizon(field, L).visibility(every, z, N) if recipe.shadows else 1.0
-        else:
-            cos_l, lz, visible = _under_lamps(recipe, geometry, field, every, z, N, L)
-        lit = shade(visible * on, cos_l)
-        lv = (2 + 2 * lz[..., :p]).sqrt()  # |l + v|, (b, m, 1 or p)
+    few = max(1, ELEMENTS.get(pixels.device.type, 2**27) // every.numel())  # lights at a time
+    visible = on.expand(-1, scenes.lights.shape[1], -1)
+    if recipe.shadows and recipe.distance is None:
+        visible = on * distant(heights(geometry), scenes.lights, every, N, few)
+    elif recipe.shadows:
+        visible = on * nearby(heights(geometry), lamps(recipe, geometry, scenes.lights), every, few)
+
+    def under(L: Tensor, visible: Tensor) -> Float[Tensor, "b m 3 p"]:
+        """Images under some of the lights, of what each sees."""
+        D, arriving = lights_at(recipe, geometry, L, every)
+        cos_l = cosines(N.transpose(1, 2), D).transpose(1, 2)  # (b, m, p + q)
+        lit = shade(visible * arriving, cos_l)
+        lz = L[..., 2:] if D is L else D[:, :p, :, 2].transpose(1, 2)  # (b, m, 1 or p)
+        lv = (2 + 2 * lz).sqrt()  # |l + v|
         cos_l = cos_l[..., :p]
         out = radiance(skins, cos_l, cos_v, ((cos_l + cos_v) / lv).clamp(max=1), lv / 2) * lit[:, :, None, :p]
         if bounced is not None:
             out += albedo * bounced(L, lit[..., p:])
         return out + ambient
 
-    few = max(1, ELEMENTS.get(pixels.device.type, 2**27) // every.numel())
-    return torch.cat([under(L) for L in scenes.lights.split(few, 1)], 1)
+    parts = zip(scenes.lights.split(few, 1), visible.split(few, 1), strict=True)
+    return torch.cat([under(*part) for part in parts], 1)
 
 
-def _under_lamps(
-    recipe: Recipe,
-    geometry: Geometry,
-    field: Float[Tensor, "b s s"],
-    pixel: Int[Tensor, "b p"],
-    z: Float[Tensor, "b p"],
-    N: Float[Tensor, "b 3 p"],
-    L: Float[Tensor, "b n 3"],
-) -> tuple[Float[Tensor, "b n p"], Float[Tensor, "b n p"], Float[Tensor, "b n p"]]:
-    """Cosines, lights' z, and what arrives from lamps at distance * L from the surface's middle, in half widths."""
+def heights(geometry: Geometry) -> Float[Tensor, "b 3 s s"]:
+    """The solid as shadows see it: of the visible surface, and of where rays leave and enter it behind that."""
+    return torch.cat([torch.where(geometry.mask, geometry.height, EMPTY)[:, None], geometry.behind], 1)
+
+
+def lamps(recipe: Recipe, geometry: Geometry, L: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+    """(Column, row, height) of lamps in the directions `L` from the middle of the surface, at the recipe's distance."""
     assert recipe.distance is not None
-    s = field.shape[-1]
-    middle = (geometry.height.flatten(1).sum(1) / geometry.mask.flatten(1).sum(1).clamp(min=1))[:, None]  # height
-    X = torch.stack([pixel % s - (s - 1) / 2, (s - 1) / 2 - pixel // s, z - middle], -1)  # (b, p, 3) pixels
-    S = recipe.distance * s / 2 * L
-    D, r = towards(X, S)  # (b, p, n, 3), (b, p, n)
-    arriving = (recipe.distance * s / 2) ** 2 * fall_off(D, r).transpose(1, 2)
-    if recipe.shadows:
-        arriving = arriving * reached(field, X, middle, S)
-    return cosines(N.transpose(1, 2), D).transpose(1, 2), D[..., 2].transpose(1, 2), arriving
+    s = geometry.mask.shape[-1]
+    height = geometry.height.flatten(1).sum(1) / geometry.mask.flatten(1).sum(1).clamp(min=1)
+    middle = torch.stack([torch.full_like(height, (s - 1) / 2)] * 2 + [height], -1)
+    return middle[:, None] + recipe.distance * s / 2 * L * L.new_tensor([1, -1, 1])
+
+
+def lights_at(
+    recipe: Recipe, geometry: Geometry, L: Float[Tensor, "b n 3"], pixel: Int[Tensor, "b p"]
+) -> tuple[Float[Tensor, "b n 3"] | Float[Tensor, "b p n 3"], Float[Tensor, "b n p"] | float]:
+    """Lights as pixels see them, and what arrives through empty space, over what arrives in the middle."""
+    if recipe.distance is None:
+        return L, 1.0
+    s = geometry.mask.shape[-1]
+    X = torch.stack([pixel % s, pixel // s, at_points(geometry.height[:, None], pixel)[:, 0]], -1)
+    D, r = towards(X, lamps(recipe, geometry, L))  # (b, p, n, 3), (b, p, n)
+    return D * L.new_tensor([1, -1, 1]), (recipe.distance * s / 2) ** 2 * fall_off(D, r).transpose(1, 2)
 
 
 def _bounced(
-    scenes: Scenes, geometry: Geometry, pixels: Tensor, N: Float[Tensor, "b 3 p"], shelf: Library | None, seed: int
+    scenes: Scenes,
+    geometry: Geometry,
+    pixels: Int[Tensor, "b p"],
+    N: Float[Tensor, "b 3 p"],
+    recipe: Recipe,
+    shelf: Library | None,
+    seed: int,
 ) -> Callable[[Tensor, Tensor], Tensor]:
     """From lights (b, n, 3) and how they light patches (b, n, q) to what pixels reflect (b, n, 3, p), over albedo.
 
@@ -220,8 +233,9 @@ def _bounced(
     cos_o = -(n * d).sum(1, keepdim=True)
 
     def reflected(L: Tensor, lit: Tensor) -> Tensor:
-        lo = (2 - 2 * L @ d).clamp(min=1e-6).sqrt()  # |l + o|, (b, n, k)
-        cos_l = cosines(n.transpose(1, 2), L).transpose(1, 2)
+        D = lights_at(recipe, geometry, L, there)[0]
+        lo = (2 - 2 * cosines(d.transpose(1, 2), D).transpose(1, 2)).clamp(min=1e-6).sqrt()  # |l + o|, (b, n, k)
+        cos_l = cosines(n.transpose(1, 2), D).transpose(1, 2)
         sent = radiance(coat, cos_l, cos_o, ((cos_l + cos_o) / lo).clamp(max=1), lo / 2)  # (b, n, 3, k)
         sent *= lit.gather(2, patch[:, None].expand(-1, lit.shape[1], -1))[:, :, None] * share[:, None]
         values = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, r, n 3)

@@ -1,9 +1,13 @@
-"""Cast shadows of a height field; what the camera can't see is taken as solid below the visible surface.
+"""Cast shadows of solids of which each pixel's ray tells three heights.
 
-Distant lights (`horizon`), all at once, at the same cost for any distance of the occluder: the field is cut into lines
-along each light's azimuth (a shear by linear interpolation). Along a line a point at distance u towards the light is in
-shadow when some h(u') - u' tan(elevation) farther on exceeds its own: one running maximum answers for all points of the
-line. Lamps nearby (`reached`), slower: every ray is marched pixel by pixel.
+They are those of the visible surface, of where the ray leaves the solid behind it, and of where it enters it again;
+below that all is taken as solid.
+
+Distant lights first take all below the visible surface as solid (`horizon`). All points are answered at once, at the
+same cost for any distance of the occluder: the heights are cut into lines along each light's azimuth (a shear by linear
+interpolation). Along a line a point at distance u towards the light is in shadow when some h(u') - u' tan(elevation)
+farther on exceeds its own: one running maximum answers for all points of the line. The rays that it stops, about a
+tenth, are marched pixel by pixel, since they may pass below (`march`). So are all rays to lamps nearby.
 """
 
 from __future__ import annotations
@@ -11,14 +15,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
+
+from photonormal.shading import cosines
 
 STEEPEST = 24.0  # pixels that a ray rises per pixel at most: a light overhead casts no shadow worth having
 WRAP = 16384.0  # keeps the part of a line that re-enters on the other side apart from the first part
 STEEP = 6.0  # slope up to which a pixel's height is carried over to the lines beside it
-FLOOR = -1e4  # pixels: lower than any surface
+STEPS = 2**16  # of all marched rays together that are taken at once
 BIAS, SOFT = 0.05, 0.5  # pixels of depth below the ray at which a shadow begins, and over which it becomes full
 
 
@@ -112,24 +117,93 @@ def horizon(height: Float[Tensor, "b s s"], L: Float[Tensor, "b n 3"]) -> Horizo
     return Horizon(running, slope, rise, along.float(), forward.float(), s)
 
 
-def reached(
-    height: Float[Tensor, "b s s"], X: Float[Tensor, "b p 3"], middle: Float[Tensor, "b 1"], S: Float[Tensor, "b n 3"]
+def distant(
+    solid: Float[Tensor, "b 3 s s"],
+    L: Float[Tensor, "b n 3"],
+    pixel: Int[Tensor, "b p"],
+    normals: Float[Tensor, "b 3 p"],
+    few: int = 8,
 ) -> Float[Tensor, "b n p"]:
-    """1 where a lamp at `S` reaches a point of the surface, 0 where it doesn't, between at edges.
+    """1 where a light reaches a pixel that faces it, 0 where it doesn't, between at edges; `few` lights at a time.
 
-    Points and lamps are in pixels, x right, y up, z over the height `middle`, from the middle of the height field.
+    `solid` are the heights (pixels) of the visible surface, of where rays leave the solid, and of where they enter it
+    again, far below zero where there is nothing.
     """
-    s = height.shape[-1]
-    d = S[:, :, None] - X[:, None]  # (b, n, p, 3)
-    across = d[..., :2].norm(dim=-1).clamp(min=1e-3)
-    step = d / across[..., None]  # moves by a pixel across the picture
-    top = height.amax((1, 2)) - middle[:, 0]
-    over = ((top[:, None, None] - X[:, None, :, 2]) / step[..., 2].clamp(min=1e-3)).clamp(max=1.5 * s)
-    ground = (height - middle[..., None] - FLOOR)[:, None]  # so that what lies outside is low
-    depth = torch.full_like(across, FLOOR)
-    for k in range(1, int(torch.minimum(over, across).amax()) + 1):
-        q = X[:, None] + k * step
-        grid = q[..., :2] * (2 / s) * q.new_tensor([1, -1])
-        h = F.grid_sample(ground, grid, mode="bilinear", padding_mode="zeros", align_corners=False)[:, 0] + FLOOR
-        depth = torch.where(k < across, torch.maximum(depth, h - q[..., 2]), depth)
-    return _lit(depth)
+    s = solid.shape[-1]
+    height = solid[:, 0].contiguous()
+    own = height.flatten(1).gather(1, pixel.long())
+    visible = torch.cat([horizon(height, part).visibility(pixel, own, normals) for part in L.split(few, 1)], 1)
+    facing = cosines(normals.transpose(1, 2), L).transpose(1, 2) > 0
+    scene, light, at = stopped = (facing & (visible < 1)).nonzero().unbind(1)
+    step = L * L.new_tensor([1, -1, 1])
+    step = (step / step[..., :2].abs().amax(-1, keepdim=True).clamp(min=1e-6))[scene, light]
+    depth = march(solid, scene * (s * s) + pixel[scene, at], step, torch.full_like(step[:, 0], s))
+    free = _lit(depth + BIAS + SOFT / 2)  # no surface shadows itself here, so that edges lie in the middle
+    return visible.index_put_(stopped, torch.maximum(visible[stopped], free))
+
+
+def nearby(
+    solid: Float[Tensor, "b 3 s s"], lamps: Float[Tensor, "b n 3"], pixel: Int[Tensor, "b p"], few: int = 8
+) -> Float[Tensor, "b n p"]:
+    """As `distant`, of lamps at (column, row, height)."""
+    s, own = solid.shape[-1], pixel.long()
+    X = torch.stack([own % s, own // s, solid[:, 0].flatten(1).gather(1, own)], -1)
+    scene = torch.arange(len(own), device=own.device)[:, None]
+    parts = []
+    for part in lamps.split(few, 1):
+        d = part[:, :, None] - X[:, None]  # (b, m, p, 3)
+        reach = d[..., :2].abs().amax(-1, keepdim=True).clamp(min=1e-3)
+        start = (scene * (s * s) + own)[:, None].expand(d.shape[:3]).flatten()
+        depth = march(solid, start, (d / reach).flatten(0, 2), reach.flatten())
+        parts.append(_lit(depth).view(d.shape[:3]))
+    return torch.cat(parts, 1)
+
+
+def march(
+    solid: Float[Tensor, "b 3 s s"], start: Int[Tensor, " k"], step: Float[Tensor, "k 3"], reach: Float[Tensor, " k"]
+) -> Float[Tensor, " k"]:
+    """How deep in the solid rays come that start on its surface, at pixels (scene * size^2 + row * size + column).
+
+    A step (columns, rows, height) is one pixel along the longer of the first two, so that a ray is always between two
+    pixels of a column or a row; the lamp is `reach` steps away. Depths are in pixels, -1 at least; a ray in full shadow
+    isn't followed further.
+    """
+    s = solid.shape[-1]
+    top, leaves, enters = (heights.flatten() for heights in solid.unbind(1))
+    dc, dr, rise = step.unbind(1)
+    z = top[start]
+
+    def inside(x: Tensor, d: Tensor) -> Tensor:
+        """Steps until the ray leaves the picture."""
+        return torch.where(d > 0, s - 1 - x, x) / d.abs().clamp(min=1e-6)
+
+    highest = solid[:, 0].amax((1, 2))[start // (s * s)]
+    steps = torch.minimum(inside(start % s, dc), inside(start // s % s, dr)).minimum(reach)
+    steps = steps.minimum((highest - z) / rise.clamp(min=1e-3))
+    along = dc.abs() >= dr.abs()
+    major, minor = torch.where(along, dc.sign(), s * dr.sign()).int(), torch.where(along, s, 1).int()  # of the index
+    slope, at = torch.where(along, dr, dc), start.int()
+
+    def depth(index: Int[Tensor, "2 m k"], ray: Float[Tensor, "m k"]) -> Float[Tensor, "2 m k"]:
+        """Of rays in the solid, negative outside of it."""
+        h, l, e = (x.index_select(0, index.flatten()).view_as(index) for x in (top, leaves, enters))
+        return torch.maximum(torch.minimum(h - ray, ray - l), e - ray)
+
+    rays, deepest = torch.arange(len(z), device=z.device), torch.full_like(z, -1.0)
+    begin = 1
+    while len(rays):
+        count = max(4, min(32, STEPS // len(rays)))  # steps at once; then rays that have arrived are dropped
+        k = torch.arange(begin, begin + count, device=z.device, dtype=torch.int32)[:, None]  # (m, 1)
+        t, ray = k * slope, z + k * rise  # (m, k)
+        i = t.floor()
+        index = at + k * major + i.int() * minor
+        first, second = depth(torch.stack([index, index + minor]).clamp_(0, len(top) - 1), ray)
+        met = torch.lerp(first, second, t - i)
+        met = torch.where(k <= steps, met, -1.0).amax(0)
+        deepest[rays] = torch.maximum(deepest[rays], met)
+        begin += count
+        open = ((begin <= steps) & (met < BIAS + SOFT)).nonzero()[:, 0]
+        rays, at, z, rise, slope, major, minor, steps = (
+            x[open] for x in (rays, at, z, rise, slope, major, minor, steps)
+        )
+    return deepest

@@ -1,4 +1,7 @@
-"""The visible surface of solids under an orthographic view: depth, exact unit normal and mask of each ray."""
+"""The visible surface of solids under an orthographic view: depth, exact unit normal and mask of each ray.
+
+Light may pass behind what is seen: each ray is followed to where it leaves the solid, and to where it enters it again.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ Solid = Solids | Bust | MeshViews
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
 WIDE, CELLS = 1.7, 24  # half width and resolution of the survey that finds where a solid is
 NONE = 1e9  # distance of a ray that has not begun
+NOWHERE = -1e4  # height, in pixels, of what isn't there
 COARSE = 4  # pixels along a side of the blocks that share the first part of their way
 
 
@@ -50,6 +54,7 @@ class Geometry:
     normals: Float[Tensor, "b 3 s s"]
     mask: Bool[Tensor, "b s s"]
     points: Float[Tensor, "b 3 s s"]  # in the solid's own units, for textures
+    behind: Float[Tensor, "b 2 s s"]  # heights where rays leave the solid, and where they enter it again, or NOWHERE
 
 
 def survey(solids: Solid, b: int, device: torch.device) -> tuple[View, Float[Tensor, "b c"]]:
@@ -84,7 +89,8 @@ def visible_surface(solids: Solid, view: View, start: Float[Tensor, "b p"]) -> G
         maps, points = solids.surface(view.centre, view.half, s)
         mask = (maps[:, 0] > -torch.inf) & (maps[:, 3] > 0.01)
         height = torch.where(mask, maps[:, 0] / px[..., None], 0.0)
-        return Geometry(height, maps[:, 1:] * mask[:, None], mask, points)
+        behind = (maps[:, 4:] / px[..., None, None]).clamp(min=NOWHERE)
+        return Geometry(height, maps[:, 1:4] * mask[:, None], mask, points, behind)
     field = solids.field()
     x, y = view.rays(s)
     z, hit = _cross(field, x, y, start, 0.4 * px)
@@ -97,7 +103,41 @@ def visible_surface(solids: Solid, view: View, start: Float[Tensor, "b p"]) -> G
         return torch.where(mask[:, None], values, 0.0).view(-1, 3, s, s)
 
     height = torch.where(mask, z / px, 0.0).view(-1, s, s)
-    return Geometry(height, image(n), mask.view(-1, s, s), image(p))
+    behind = (_behind(field, x, y, torch.where(mask, z, torch.inf), px) / px[:, None]).clamp(min=NOWHERE)
+    return Geometry(height, image(n), mask.view(-1, s, s), image(p), behind.view(-1, 2, s, s))
+
+
+def _behind(f: Field, x: Tensor, y: Tensor, z: Tensor, px: Tensor) -> Float[Tensor, "b 2 p"]:
+    """Where rays that go on from the visible surface `z` leave the solid, and where they enter it again, or -inf.
+
+    They go no farther than to what is seen deepest: no light comes from below that.
+    """
+    deepest = z.amin(1, keepdim=True).clamp(min=-REACH, max=REACH)
+    leaves = _onward(lambda p: -f(p), x, y, torch.where(z < torch.inf, z - px, -torch.inf), px, deepest)
+    return torch.stack([leaves, _onward(f, x, y, leaves - px, px, deepest)], 1)
+
+
+def _onward(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor, deepest: Tensor) -> Float[Tensor, "b p"]:
+    """Where rays along -z that begin at `z` meet f < 0, to about a pixel; -inf where they don't above `deepest`."""
+    met, step, before = torch.full_like(z, -torch.inf), torch.zeros_like(z), torch.zeros_like(z)
+    active = z > deepest
+    for round in range(4):  # rays that have arrived are dropped between rounds
+        if not bool(active.any()):
+            break
+        i = indices(active)
+        xi, yi, zi, at, last, d_last, going = (v.gather(1, i) for v in (x, y, z, met, step, before, active))
+        for _ in range(3 + round):
+            d = f(torch.stack([xi, yi, zi], 1))
+            arrived = going & (d < 0)
+            at = torch.where(arrived, zi + last * (d / (d - d_last).clamp(max=-1e-9)), at)
+            going = going & ~arrived & (zi > deepest)
+            last, d_last = (1.5 * d).maximum(shortest), d  # distances within a union are too short
+            zi = zi - last
+        z, met, step, before, active = (
+            v.scatter(1, i, w) for v, w in ((z, zi), (met, at), (step, last), (before, d_last), (active, going))
+        )
+        shortest = shortest if round == 0 else 2 * shortest  # what is left grazes something
+    return met
 
 
 def gradient(f: Field, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b 3 p"]:

@@ -1,7 +1,7 @@
 """The training renderer against the path tracer, on the same scenes.
 
 The path tracer has the whole solid, with what the camera can't see, exact geometry terms and any number of directions;
-the training renderer has one height a pixel. Where their images differ is what that costs.
+the training renderer has three heights a pixel. Where their images differ is what that costs.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from photonormal.synth.pathtraced.meshes import Mesh, polygonise
 from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
 from photonormal.synth.pathtraced.tracer import Camera, eroded
 from photonormal.synth.recipes import Recipe, recipe
-from photonormal.synth.scene import EMPTY, Scenes, draw_scenes, frame, render
+from photonormal.synth.scene import Scenes, draw_scenes, frame, heights, render
 from photonormal.synth.sculptor import KINDS
-from photonormal.synth.shadows import horizon
-from photonormal.synth.trace import Geometry, gradient, visible_surface
+from photonormal.synth.shadows import distant
+from photonormal.synth.trace import NOWHERE, Geometry, gradient, visible_surface
 
 REACH = 1.7  # half side of the cube that holds a drawn solid
 
@@ -149,13 +149,12 @@ def compare(
         stock = diffuse(material) if matt else bsdf("principled", material)
     scene = tracer.build([dressed(mesh, scenes.coats, material).shape(stock)], camera)
     seen = tracer.look(scene, camera)
-    geometry = geometry_of(seen, camera)
+    geometry = geometry_of(seen, tracer.behind(scene, camera), camera)
     straight = replace(scenes, bounce=torch.tensor([False]))
     mask = seen.mask if own is None else seen.mask & own.mask[0].numpy()
-    field = torch.where(geometry.mask, geometry.height, EMPTY)
-    pixels = torch.arange(size * size, dtype=torch.int32)[None]
-    visible = horizon(field, scenes.lights).visibility(pixels, geometry.height.flatten(1), geometry.normals.flatten(2))
     facing = np.einsum("hwc,nc->nhw", seen.normals, L) > 0
+    pixels = torch.arange(size * size, dtype=torch.int32)[None]
+    visible = distant(heights(geometry), scenes.lights, pixels, geometry.normals.flatten(2))
     return Compared(
         name or (kind if isinstance(kind, str) else "mesh"),
         L,
@@ -231,11 +230,12 @@ def plain_coats(coats: Coats, material: np.ndarray) -> Coats:
     )
 
 
-def geometry_of(seen: tracer.Seen, camera: Camera) -> Geometry:
-    """What the path tracer sees of a mesh, as the training renderer's height field."""
+def geometry_of(seen: tracer.Seen, behind: Float[np.ndarray, "2 s s"], camera: Camera) -> Geometry:
+    """What the path tracer sees of a mesh, and what is behind, as the training renderer's heights."""
     z = torch.from_numpy(np.where(seen.mask, seen.points[..., 2] / camera.pixel, 0))
+    below = torch.from_numpy(behind / camera.pixel)[None].float().clamp(min=NOWHERE)
 
     def image(values: np.ndarray) -> Tensor:
         return torch.from_numpy(values).permute(2, 0, 1)[None].float()
 
-    return Geometry(z[None].float(), image(seen.normals), torch.from_numpy(seen.mask)[None], image(seen.points))
+    return Geometry(z[None].float(), image(seen.normals), torch.from_numpy(seen.mask)[None], image(seen.points), below)

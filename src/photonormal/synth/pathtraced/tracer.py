@@ -99,6 +99,17 @@ def look(scene: Any, camera: Camera) -> Seen:
     )
 
 
+def behind(scene: Any, camera: Camera) -> Float[np.ndarray, "2 s s"]:
+    """z where rays through the pixels' centres leave the solid they met, and where they enter it again, or -inf."""
+    mi = mitsuba()
+    z = np.full((2, camera.size**2), -np.inf)
+    for where, si in _first(scene, camera):
+        for crossing in z:
+            si = scene.ray_intersect(si.spawn_ray(mi.Vector3f(0, 0, -1)), si.is_valid())
+            crossing[where] = np.where(np.array(si.is_valid()), np.array(si.p.z), -np.inf)
+    return z.reshape(2, camera.size, camera.size)
+
+
 def covered(scene: Any, camera: Camera) -> Bool[np.ndarray, "s s"]:
     """Pixels that the object fills: their corners, too, meet it."""
     mask = np.ones(camera.size**2, bool)

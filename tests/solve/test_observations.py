@@ -67,7 +67,7 @@ def test_metal_is_told_from_matt_objects_with_and_without_highlights():
     narrow = L[:, 2] > 0.7
     for lights in (narrow, narrow | True):
         I = cos[:, lights], (0.3 * cos + highlights)[:, lights], highlights[:, lights]
-        assert [metallic(i, lit(i)) for i in I] == [False, False, True]
+        assert [metallic(i, lit(i), L[lights]) for i in I] == [False, False, True]
 
 
 def test_each_capture_of_a_batch_has_its_own_threshold():

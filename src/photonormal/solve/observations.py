@@ -12,12 +12,12 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from photonormal.shading import LUMA
+from photonormal.shading import LUMA, cosines, over_lights
 from photonormal.types import Capture, InputError, Normals
 
 BLOCK = {"cpu": 2**18, "cuda": 2**22}  # samples solved at a time: bounds memory; on the processor they fit its cache
 SHADOW = {0.99: 0.02, 0.75: 0.06}  # quantile of all samples: fraction of it below which a sample may be in shadow
-METALLIC = 0.5, 0.4  # median lit sample over the 90 % quantile; share of pixels below it that makes a metal object
+METALLIC = 0.6, 0.4  # of a matt pixel's median over 90 % quantile; share of pixels below it that makes a metal object
 READ = 2**20  # samples that suffice to find a quantile
 
 
@@ -70,17 +70,22 @@ def lit(I: Float[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
     return I > torch.minimum(*dark)
 
 
-def metallic(I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"]) -> bool:
+def metallic(I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]) -> bool:
     """Whether light comes off the object in highlights alone: few samples of many pixels outshine the others.
 
-    A matt pixel's median lit sample is more than half of its 90 % quantile, wherever the lights are; a highlight on
-    a matt ground changes that little.
+    Told by the median lit sample over the 90 % quantile, against what the least-squares normal's shading has there:
+    lights all over the hemisphere spread a matt pixel's samples, too. A highlight on a matt ground changes little.
     """
     some = some_pixels(I.shape[0], 2000)
-    lit = I[some].masked_fill(~keep[some], torch.nan)
-    ratio = lit.nanquantile(0.5, dim=1) / lit.nanquantile(0.9, dim=1)
+    I, keep, L = I[some].to(L), keep[some].to(L.device), seen_from(L, some)
+    shading = cosines(over_lights(I, torch.linalg.pinv(L).mT), L).clamp(min=0)
+
+    def spread(x: Float[Tensor, "q n"]) -> Float[Tensor, " q"]:
+        x = x.masked_fill(~keep, torch.nan)
+        return x.nanquantile(0.5, dim=1) / x.nanquantile(0.9, dim=1)
+
     dark, share = METALLIC
-    return bool((ratio < dark).float().mean() > share)
+    return bool((spread(I) < dark * spread(shading)).float().mean() > share)
 
 
 def ascending(I: Float[Tensor, "*p n"]) -> Float[Tensor, "*p n"]:
@@ -143,7 +148,7 @@ def per_lit_pixel(
     I = grey_levels(capture)  # (p, n)
     keep = lit(I)
     L = lights_of(capture, device, dtype)
-    chosen = metal if metal is not None and metallic(I, keep) else fit
+    chosen = metal if metal is not None and metallic(I, keep, L) else fit
     return on_mask(every_pixel(chosen, I, keep, L).to("cpu", torch.float32), capture)
 
 

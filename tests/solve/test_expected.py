@@ -149,7 +149,7 @@ def test_measured_on_the_command_line(tmp_path):
 
 @pytest.mark.data
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["ball", "cat"])
+@pytest.mark.parametrize("name", ["cat", "reading"])
 def test_real_objects(name, data):
     """The tenth of the pixels trusted least is off by more than twice as much as the tenth trusted most."""
     capture = pn.load(data / "diligent" / "pmsData" / f"{name}PNG")

@@ -32,7 +32,7 @@ LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly not
 
 @dataclass(frozen=True)
 class NormalNetConfig:
-    """The network's switches; the defaults have 0.345 million parameters.
+    """The network's switches; the defaults have 0.345 million parameters, the weights that ship 0.997.
 
     Parameters
     ----------

@@ -81,13 +81,14 @@ def test_without_a_prior_a_pixel_faces_the_camera():
     assert (N[:, 2] > 0.99).all()
 
 
+@pytest.mark.parametrize("tilt", [False, True])
 @pytest.mark.parametrize("degrees", [37.0, 90.0, 200.0])
-def test_each_pixel_turns_with_its_lights_and_prior(degrees):
+def test_each_pixel_turns_with_its_lights_and_prior(degrees, tilt):
     """Turning lights and prior about the view axis by any angle changes no token, so the normal turns too."""
     images, lights, prior = pixels()
     prior[:, :, 0, 0] = torch.tensor([0, 0, 1.0])  # no azimuth: nothing to turn by
     torch.manual_seed(0)
-    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, tilt=tilt))
     torch.nn.init.normal_(net.correction.weight, std=0.1)
     l, p = turned(lights, degrees, -1), turned(prior, degrees, 1)
     a, b = (tokens(images[:, :, 0], x, net.begin(y, x)) for x, y in ((lights, prior), (l, p)))
@@ -97,6 +98,20 @@ def test_each_pixel_turns_with_its_lights_and_prior(degrees):
         N, M = net(images, lights, prior), net(images, l, p)
     inside = (slice(None), slice(None), slice(4, None), slice(4, None))  # out of reach of the pixel without azimuth
     torch.testing.assert_close(turned(N, degrees, 1)[inside], M[inside], atol=1e-4, rtol=0)
+
+
+def test_tilted_every_prior_points_to_the_viewer():
+    """Lights and half vectors are those of an untilted pixel, in a frame whose z is the prior."""
+    images, lights, prior = pixels()
+    cases = [net.begin(prior, lights) for net in (NormalNet(NormalNetConfig(tilt=t)) for t in (False, True))]
+    plain, tilted = (tokens(images[:, :, 0], lights, shared) for shared in cases)
+    nx, nz = plain[..., 14], plain[..., 15]
+    for first in (4, 7):  # the light, the half vector
+        (x, y, z), (a, b, c) = (t[..., first : first + 3].unbind(-1) for t in (plain, tilted))
+        torch.testing.assert_close(torch.stack([nz * x - nx * z, y, nx * x + nz * z]), torch.stack([a, b, c]))
+    torch.manual_seed(0)
+    N = NormalNet(NormalNetConfig(tilt=True))(images, lights, prior)
+    assert ((N * prior).sum(1)[prior[:, 2] > 0.05] > 0.99).all()
 
 
 def test_not_turned_it_sees_the_difference():

@@ -22,7 +22,7 @@ from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled, pool
 from photonormal.solve.learned.weights import load
-from photonormal.types import Capture, Normals
+from photonormal.types import Capture, InputError, Normals
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
 ADDED = ("coarse.last.weight", "recall.weight")  # start at zero: a trained network without them stays what it is
@@ -38,6 +38,7 @@ class NormalNetConfig:
     ----------
     prior : the classical method that gives the frame
     turn : turn each pixel until the prior's azimuth is zero
+    tilt : tilt it, too, until the prior points to the viewer: the full local frame; only with `turn`
     hidden, features : channels of the encoder's first two layers, and of its last
     width, layers : channels and number of the 3 x 3 layers before the last one
     blocks : residual blocks of two such layers, in place of `layers`, where not 0
@@ -49,6 +50,7 @@ class NormalNetConfig:
 
     prior: str = "trimmed"
     turn: bool = True
+    tilt: bool = False
     hidden: int = 64
     features: int = 128
     width: int = 128
@@ -67,6 +69,7 @@ class Shared(NamedTuple):
     y: Tensor  # (b, 1, h, w), zero where turned
     shading: Tensor  # (b, 1, h, w) root mean square of max(n.l, 0) of the prior over all lights
     recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
+    tilted: bool = False  # whether a pixel's z is its prior instead of the view axis
 
 
 class NormalNet(Network):
@@ -79,6 +82,8 @@ class NormalNet(Network):
     def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
         super().__init__()
         self.config = c = config
+        if c.tilt and not c.turn:
+            raise InputError("tilt=True came with turn=False but a pixel is tilted after it is turned; set turn=True.")
         self.reach = (2 * c.blocks or c.layers) + 1 + c.expected
         if c.coarse:
             self.stride, self.reach = 4, -(-(self.reach + 9 + 4 * c.coarse) // 4) * 4
@@ -123,7 +128,7 @@ class NormalNet(Network):
             c, s = torch.ones_like(c), torch.zeros_like(s)
         x, y = c * x + s * y, c * y - s * x
         length = torch.sqrt(x * x + y * y + z * z)
-        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c), recalled)
+        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c), recalled, self.config.tilt)
         total = torch.zeros_like(c)
         for light in lights.split(32, dim=1):
             total += cosines(light, shared)[1].clamp(min=0).square().sum(1, keepdim=True)
@@ -148,7 +153,11 @@ class NormalNet(Network):
         if self.config.coarse:
             x = self.coarse(x)
         correction = self.correction(x).float()
-        n_x, n_y, n_z = (frame + correction).split(1, dim=1)
+        if shared.tilted:
+            n_x, n_y, n_z = correction.split(1, dim=1)
+            n_x, n_z = nz * n_x + nx * (1 + n_z), nz * (1 + n_z) - nx * n_x
+        else:
+            n_x, n_y, n_z = (frame + correction).split(1, dim=1)
         N = F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
         if self.config.memory:
             N = torch.cat([N, self.remember(x).float()], dim=1)
@@ -195,12 +204,16 @@ def tokens(
     nx, nz = (v.expand_as(x) for v in shared.slant)
     s = torch.rsqrt(2 + 2 * z)  # 1 / |l + v|
     half = (cos + nz) * s  # n.h
+    v_x, v_z = (-nx, nz) if shared.tilted else (0.0, 1.0)
+    if shared.tilted:
+        x, z = nz * x - nx * z, cos
     shading = cos.clamp(min=0) / shared.shading
     log = torch.log1p(20 * I) / 2 - 1
     excess = log - (torch.log1p(20 * shading) / 2 - 1)
     z, s = z.expand_as(x), s.expand_as(x)
     near, sees = 10 * (half - 0.9).clamp(min=-0.1), (cos > 0).to(cos.dtype)
-    found = [I, I - shading, log, excess, x, y, z, x * s, y * s, (z + 1) * s, cos, half, near, sees, nx, nz]
+    h = [(x + v_x) * s, y * s, (z + v_z) * s]
+    found = [I, I - shading, log, excess, x, y, z, *h, cos, half, near, sees, nx, nz]
     return torch.stack(found, dim=-1)
 
 

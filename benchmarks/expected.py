@@ -1,12 +1,13 @@
-"""How far a classical method can be trusted: expected and true errors, and the calibration behind them.
+"""How far a method can be trusted: expected and true errors, and the calibration behind those of the classical ones.
 
-    python benchmarks/expected.py [ROOT] [--methods woodham,l1] [--lights 32] [--near 2]
+    python benchmarks/expected.py [ROOT] [--methods woodham,normalnet] [--lights 32] [--near 2]
     python benchmarks/expected.py --fit [--scenes 232]
 
 Prints Markdown: pixels sorted by expected error and cut into ten equal parts, mean expected and true errors of each in
 degrees, on 64 rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
 in ROOT (`<object>PNG` folders). `--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of
-other materials, under 3 to 100 lights, and writes `src/photonormal/solve/expected.json`.
+other materials, under 3 to 100 lights, and writes `src/photonormal/solve/expected.json`. A method may have options, as
+in `normalnet:weights=mine.safetensors`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from classical import OBJECTS, in_memory, print_row
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import METHODS, configure, run
+from photonormal.solve import METHODS, configure, parse, run
 from photonormal.solve.expected import FILE, FITTED, evidence_of, linear, terms, with_expected_error
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
@@ -148,14 +149,16 @@ def rising(x: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.
     return np.array([np.average(x[p], weights=w[p]) for p in parts]), np.log(means)
 
 
-def deciles(name: str, sets: dict[str, list[pn.Capture]]) -> None:
+def deciles(text: str, sets: dict[str, list[pn.Capture]]) -> None:
     """Two rows for each set: expected and true errors of ten equal parts of the pixels."""
+    name, options = parse(text)
     for label, captures in sets.items():
         told, true = [], []
         for capture in captures:
             assert capture.truth is not None
-            normals = with_expected_error(run(configure(name), capture, CPU), capture, name, CPU)
-            assert normals.expected_error_deg is not None
+            normals = with_expected_error(run(configure(name, **options), capture, CPU), capture, name, CPU)
+            if normals.expected_error_deg is None:
+                return print_row(text, "does not tell what error to expect", *[""] * 12)
             both = normals.mask & capture.truth.mask
             told.append(normals.expected_error_deg[both])
             true.append(angle_deg(normals.map[both], capture.truth.map[both]))

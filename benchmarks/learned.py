@@ -1,10 +1,9 @@
-"""How well a learned method does on DiLiGenT objects: its options, few images, faults, and how far it can be trusted.
+"""How well a learned method does on DiLiGenT objects: its options, few images, faults of a set-up.
 
-    python benchmarks/learned.py ROOT [--method normalnet] [--weights FILE] [--tables options,images,faults,expected]
+    python benchmarks/learned.py ROOT [--method normalnet] [--weights FILE] [--tables options,images,faults]
 
 ROOT holds `<object>PNG` folders. Prints Markdown; angles are means over the mask in degrees. `images`: draws of fixed
-seeds at full resolution. `faults`: what each fault costs. `expected`: pixels sorted by expected error and cut into
-ten equal parts, on rendered scenes of materials that training never sees (PHOTONORMAL_DATA) and on the real objects.
+seeds at full resolution. `faults`: what each fault costs. How far it can be trusted: `benchmarks/expected.py`.
 """
 
 from __future__ import annotations
@@ -13,7 +12,6 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +21,6 @@ from classical import OBJECTS, in_memory, print_row, under
 import photonormal as pn
 from photonormal.geometry import angle_deg
 from photonormal.solve import configure, observations
-from photonormal.synth import Stream
 from photonormal.synth.sensor import corrupt, turned
 
 Table = dict[str, pn.Capture]
@@ -106,42 +103,12 @@ def faults(solver: Callable, captures: Table, device: torch.device) -> None:
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
 
 
-def rendered(count: int = 64) -> Table:
-    """Whole rendered objects of held-out materials under 32 lights."""
-    found = {}
-    for i, b in enumerate(islice(Stream("objects", 1, "cpu", 12345, lights=(32, 32), scenes=1), count)):
-        mask = b.mask[0, 0].numpy()
-        truth = pn.Normals(b.normals[0].permute(1, 2, 0).numpy(), mask)
-        found[str(i)] = pn.Capture(b.images[0].permute(0, 2, 3, 1).numpy(), mask, b.lights[0].numpy(), truth=truth)
-    return found
-
-
-def expected(solver: Callable, captures: Table, device: torch.device) -> None:
-    """Expected and true errors of ten equal parts of the pixels."""
-    print_row("pixels", *[f"{10 * i} to {10 * i + 10} %" for i in range(10)], "all")
-    print_row(*["---"] * 12)
-    for name, some in {"rendered": rendered(), **{k: {k: c} for k, c in captures.items()}}.items():
-        told, true = [], []
-        for capture in some.values():
-            found = solver(capture, device)
-            assert capture.truth is not None
-            if found.expected_error_deg is None:
-                return print("these weights do not tell what error to expect")
-            both = found.mask & capture.truth.mask
-            told.append(found.expected_error_deg[both])
-            true.append(angle_deg(found.map[both], capture.truth.map[both]))
-        e, t = np.concatenate(told), np.concatenate(true)
-        parts = np.array_split(np.argsort(e), 10)
-        for label, values in (("expected", e), ("true", t)):
-            print_row(f"{name}, {label}", *[f"{values[p].mean():.2f}" for p in parts], f"{values.mean():.2f}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("--method", default="normalnet")
     parser.add_argument("--weights", default="")
-    parser.add_argument("--tables", default="options,images,faults,expected")
+    parser.add_argument("--tables", default="options,images,faults")
     parser.add_argument("--draws", type=int, default=100)
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
@@ -156,7 +123,6 @@ def main() -> None:
         "options": lambda: options(given.method, weights, captures, device),
         "images": lambda: few_images(solver, captures, given.draws, device),
         "faults": lambda: faults(solver, captures, device),
-        "expected": lambda: expected(solver, captures, device),
     }
     for name in given.tables.split(","):
         print(f"\n{name}\n")

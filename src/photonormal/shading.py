@@ -7,9 +7,11 @@ Lights are (..., n, 3) for all pixels, or (..., p, n, 3) where each pixel sees t
 
 from __future__ import annotations
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
+FAINT = 1e-3  # of the light at the object's middle: where less arrives from a near lamp, a sample tells nothing
 LUMA = (0.298936, 0.587043, 0.114021)  # red, green, blue: the grey level of every published classical figure
 
 
@@ -21,6 +23,11 @@ def over_lights(w: Float[Tensor, "*p m"], M: Float[Tensor, "*n m k"]) -> Float[T
 def cosines(N: Float[Tensor, "*p 3"], L: Float[Tensor, "*n 3"]) -> Float[Tensor, "*pn"]:
     """n.l for each normal (..., p, 3) and each light: (..., p, n), negative where a surface looks away."""
     return over_lights(N, L.transpose(-1, -2))
+
+
+def angle_deg(a: Float[Tensor, "p 3"], b: Float[Tensor, "p 3"]) -> Float[Tensor, " p"]:
+    """Angle between vectors in degrees, as `geometry.angle_deg`; 0 where one is zero."""
+    return torch.rad2deg(torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)))
 
 
 def towards(

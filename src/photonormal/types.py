@@ -78,9 +78,13 @@ class Camera:
             return np.broadcast_to([0.0, 0.0, -1.0], (h, w, 3))
         return np.stack([x, y, np.ones_like(x)], axis=-1) @ np.linalg.inv(self.K).T * [1, -1, -1]
 
+    def plane_mm(self, h: int, w: int) -> Float[np.ndarray, "h w 3"]:
+        """Positions of all pixels on a plane at the object's mean depth."""
+        return self.points_mm(np.full((h, w), np.nan))
+
     def flat_mm(self, mask: Mask) -> Float[np.ndarray, "p 3"]:
-        """Positions of the mask's pixels on a plane at the object's mean depth."""
-        return self.points_mm(np.full(mask.shape, np.nan))[mask]
+        """Those of the mask's pixels."""
+        return self.plane_mm(*mask.shape)[mask]
 
 
 @dataclass(frozen=True)

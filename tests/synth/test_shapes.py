@@ -14,6 +14,14 @@ def seen(solids, b, size=64, half=1.1):
     return view, visible_surface(solids, view, approach(solids, view, survey(solids, b, device)[1]))
 
 
+def each_seen(solids, b):
+    """Each of `b` solids alone, its view, what is seen of it, and the points (1, 3, m) that are."""
+    for i in range(b):
+        solid = take(solids, slice(i, i + 1))
+        view, g = seen(solid, 1)
+        yield solid, view, g, g.points.flatten(2)[:, :, g.mask.flatten()]
+
+
 def ball(radius=0.8):
     """The first plain solid, made a ball."""
     solids = draw_solids(rng(0), 1, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
@@ -61,10 +69,7 @@ def test_rays_leave_a_ball_where_it_ends_and_enter_the_next():
 def test_what_is_behind_is_found_in_drawn_solids():
     """By steps of half a pixel, which miss nothing that is wider."""
     solids = draw_solids(rng(3), 6, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), 0.5)
-    for i in range(6):
-        solid = take(solids, slice(i, i + 1))
-        view, g = seen(solid, 1)
-        p = g.points.flatten(2)[:, :, g.mask.flatten()]  # (1, 3, m)
+    for solid, view, g, p in each_seen(solids, 6):
         z, floor = p[0, 2] / view.pixel, (p[0, 2] / view.pixel).amin()
         field, down = solid.field(), torch.arange(2, 400)[:, None] / 2
         d = torch.stack([field(p - torch.tensor([0, 0, 1.0])[:, None] * k * view.pixel)[0] for k in down])
@@ -79,8 +84,7 @@ def test_what_is_behind_is_found_in_drawn_solids():
 def test_every_kind_is_seen_with_unit_normals_that_face_the_camera():
     for kind in range(len(KINDS)):
         solids = draw_solids(rng(kind), 2, tuple(float(kind == k) for k in range(len(KINDS))), 1.0)
-        for i in range(2):
-            _, g = seen(take(solids, slice(i, i + 1)), 1)
+        for _, _, g, _ in each_seen(solids, 2):
             assert g.mask.float().mean() > 0.05, KINDS[kind]
             n = g.normals.movedim(1, -1)[g.mask]
             assert torch.allclose(n.norm(dim=-1), torch.ones(len(n)), atol=1e-4)
@@ -90,10 +94,7 @@ def test_every_kind_is_seen_with_unit_normals_that_face_the_camera():
 
 def test_points_seen_lie_on_the_surface_and_nothing_lies_before_them():
     solids = draw_solids(rng(5), 4, (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.3)
-    for i in range(4):
-        solid = take(solids, slice(i, i + 1))
-        view, g = seen(solid, 1)
-        p = g.points.flatten(2)[:, :, g.mask.flatten()]  # (1, 3, m)
+    for solid, view, _, p in each_seen(solids, 4):
         assert solid(p).abs().quantile(0.99) < 0.1 * view.pixel
         for step in (2, 6, 20):  # pixels in front
             ahead = p + torch.tensor([0.0, 0.0, 1.0])[:, None] * step * view.pixel

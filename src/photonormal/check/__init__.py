@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 if TYPE_CHECKING:
     from photonormal.check.finding import Finding
     from photonormal.types import Capture
@@ -28,7 +26,7 @@ def check(capture: Capture) -> list[Finding]:
         found += coverage.coverage(capture.lights)
         I, mask = samples.on_object(s)
         if capture.lamps is not None and capture.camera is not None:
-            X = capture.camera.points_mm(np.full(capture.mask.shape, np.nan))[s.grid][mask]
+            X = capture.camera.plane_mm(*capture.mask.shape)[s.grid][mask]
             given = Near(I, X, capture.lamps)
             found += positions.positions(given, names)
         else:

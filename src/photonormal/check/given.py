@@ -12,10 +12,9 @@ from jaxtyping import Float, Int
 
 from photonormal.calibrate.intensities import SHADOW, robust_normals
 from photonormal.geometry import normalised
-from photonormal.shading import fall_off, towards
+from photonormal.shading import FAINT, fall_off, towards
 from photonormal.types import Lamps
 
-FAINT = 1e-3  # of the light at the object's middle: where less arrives, a sample tells nothing
 SAMPLES = 2**20  # of pictures that are changed at a time
 
 
@@ -91,6 +90,11 @@ class Near:
         """Of the object."""
         return self.X.mean(0)
 
+    @property
+    def distances(self) -> Float[np.ndarray, " n"]:
+        """Of the lamps from there."""
+        return np.linalg.norm(self.vectors - self.middle, axis=1)
+
     def directions(self) -> Float[np.ndarray, "n 3"]:
         return normalised(self.vectors - self.middle)
 
@@ -99,11 +103,12 @@ class Near:
 
         Exact on a matt plane; what is black stays so.
         """
+        straight = self.directions()
 
         def moved(I: np.ndarray, L: np.ndarray, e: np.ndarray) -> np.ndarray:
             J = I * np.where(e > FAINT, 1 / np.maximum(e, FAINT), 0)
             b = fitted(J, L, np.ones_like(J))
-            return np.where(J > 0, np.maximum(J + ((self.directions() - L) @ b[..., None])[..., 0], 0), 0)
+            return np.where(J > 0, np.maximum(J + ((straight - L) @ b[..., None])[..., 0], 0), 0)
 
         return self._by_blocks(moved)
 
@@ -121,7 +126,7 @@ class Near:
     def _by_blocks(self, f: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]) -> Float[np.ndarray, "p n"]:
         """``f(I, L, e)`` of some pixels at a time, to bound the memory; e is 1 at the lamps' mean distance."""
         step = max(1, SAMPLES // len(self.vectors))
-        r0 = np.linalg.norm(self.vectors - self.middle, axis=1).mean()
+        r0 = self.distances.mean()
         found = []
         for k in range(0, len(self.levels), step):
             L, e = arriving(self.X[k : k + step], self.lamps)

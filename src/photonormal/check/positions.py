@@ -21,7 +21,7 @@ PIXELS = 1500
 def positions(given: Near, names: Sequence[str]) -> list[Finding]:
     """Lamps of another scale, too close or too far, away from the others, or turned away from the object."""
     width = 2 * float(np.linalg.norm(given.X - given.middle, axis=1).max())
-    r = np.linalg.norm(given.vectors - given.middle, axis=1)
+    r = given.distances
     usual = float(np.median(r))
     ratio = f"{usual / width:.0f}" if usual > 10 * width else f"{usual / width:.1f}"
     where = f"{ratio} widths of the object away ({usual:.3g} mm, the object {width:.3g} mm)"
@@ -73,8 +73,7 @@ def other_scale(given: Near, width: float) -> float | None:
     lit = np.flatnonzero(given.levels.max(1) > 0)
     some = lit[:: max(1, len(lit) // PIXELS)]
     few = replace(given, levels=given.levels[some], X=given.X[some])
-    r = np.linalg.norm(given.vectors - given.middle, axis=1).min()
-    tried = [f for f in FACTORS if f * r > width / 2]  # outside the object
+    tried = [f for f in FACTORS if f * given.distances.min() > width / 2]  # outside the object
     misfits = [matt_misfit(few.scaled(f)) for f in tried]
     if not tried or min(misfits) > BETTER * matt_misfit(few):
         return None

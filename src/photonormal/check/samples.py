@@ -116,7 +116,7 @@ def _places(capture: Capture, box: tuple[slice, slice], shape: tuple[int, ...]) 
     import cv2
 
     assert capture.camera is not None
-    X = capture.camera.points_mm(np.full(capture.mask.shape, np.nan))[box]
+    X = capture.camera.plane_mm(*capture.mask.shape)[box]
     return cv2.resize(X, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)
 
 

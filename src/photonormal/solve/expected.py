@@ -17,7 +17,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import cosines, over_lights, shade
+from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
 from photonormal.solve.near import seen_as_distant
@@ -152,11 +152,6 @@ def uncertainty(use: Float[Tensor, "p n"], L: Float[Tensor, "*l n 3"], N: Float[
     trace = (A[:, 0] + A[:, 3] + A[:, 5]).to(N.dtype)
     across = (trace - along).clamp(min=1e-8).sqrt()
     return torch.where(use.sum(1) >= 3, across, torch.full_like(across, 10)).clamp(min=1e-3, max=10)
-
-
-def angle_deg(a: Float[Tensor, "p 3"], b: Float[Tensor, "p 3"]) -> Float[Tensor, " p"]:
-    """Angle between vectors; 0 where one is zero."""
-    return torch.rad2deg(torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)))
 
 
 @dataclass(frozen=True)

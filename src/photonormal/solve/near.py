@@ -10,10 +10,8 @@ import torch
 from jaxtyping import Float
 
 from photonormal.integrate import integrate
-from photonormal.shading import fall_off, towards
+from photonormal.shading import FAINT, fall_off, towards
 from photonormal.types import Camera, Capture, Image, Images, InputError, Lamps, Normals
-
-FAINT = 1e-3  # of the light at the object's middle: where less arrives, a sample tells nothing
 
 
 @dataclass(frozen=True)

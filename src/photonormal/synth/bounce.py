@@ -10,8 +10,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from photonormal.synth.params import indices
+from photonormal.synth.trace import NOWHERE
 
-NOTHING = -1e4  # height where there is no surface
 RAYS = 24  # from each receiver
 GLOSS = 20  # exponent of the lobe that one half of them follows
 STEPS = 20
@@ -70,7 +70,7 @@ def hits(
     col, row = (pixel % s)[..., None] + 1.5 + x, (pixel // s)[..., None] + 1.5 - y
     z = height.flatten(1).gather(1, pixel)[..., None] + z
     wide = s + 2
-    flat = F.pad(torch.where(mask, height, NOTHING), (1, 1, 1, 1), value=NOTHING).flatten()
+    flat = F.pad(torch.where(mask, height, NOWHERE), (1, 1, 1, 1), value=NOWHERE).flatten()
     scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (wide * wide)
     end = torch.full(d.shape[:3], -1.0, device=device)  # length of each ray
     open = every.gather(1, chosen)[..., None] & ((d @ N[..., None])[..., 0] > 0)

@@ -13,6 +13,7 @@ from torch import Tensor
 
 from photonormal.capture import load
 from photonormal.score import score
+from photonormal.shading import angle_deg
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.network import Network
 from photonormal.solve.learned.processor import inner_precision
@@ -40,7 +41,7 @@ def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Reci
 def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
     """Angles between normals (b, 3, h, w) at all mask pixels, in degrees (p,)."""
     a, b = (x.movedim(1, -1)[mask[:, 0]].double() for x in (N, truth))
-    return torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)).rad2deg()
+    return angle_deg(a, b)
 
 
 @torch.no_grad()

@@ -8,7 +8,7 @@ import torch
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.network import moment, parameters, scaled
 from photonormal.solve.learned.normalnet import ADDED, NormalNet, NormalNetConfig
-from photonormal.solve.learned.pooling import Pooled, pool
+from photonormal.solve.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import InputError
 
@@ -29,7 +29,7 @@ VARIANTS = [
 NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
     lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8))),
     lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, blocks=2, turn=False))),
-    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, expected=True))),
+    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, attention=2, expected=True))),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
 ]
@@ -156,6 +156,22 @@ def test_pooling_has_the_gradient_of_maximum_and_sum():
     (pool(x).maximum * a).sum().backward()
     expected = torch.autograd.grad((x.amax(1) * a).sum(), x)[0]
     torch.testing.assert_close(x.grad, expected + gradient, atol=1e-6, rtol=1e-6)
+
+
+def test_a_weighted_sum_leaves_out_what_weighs_nothing():
+    g = torch.Generator().manual_seed(0)
+    x = torch.randn(2, 5, 3, 6, generator=g, dtype=torch.float64, requires_grad=True)
+    w = torch.rand(2, 5, 3, 2, generator=g, dtype=torch.float64)
+    w[:, 1] = 0
+    total = weighted_sum(x, w.requires_grad_())
+    others = [0, 2, 3, 4]
+    torch.testing.assert_close(total, weighted_sum(x[:, others], w[:, others]))
+    a = torch.randn(2, 3, 6, generator=g)
+    found = torch.autograd.grad((total * a).sum(), (x, w))
+    plain = (x * w.repeat_interleave(3, dim=-1)).sum(1)
+    expected = torch.autograd.grad((plain * a).sum(), (x, w))
+    for one, other in zip(found, expected, strict=True):
+        torch.testing.assert_close(one, other, atol=1e-6, rtol=1e-6)
 
 
 def test_merged_portions_are_the_whole():

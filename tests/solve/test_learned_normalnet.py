@@ -53,7 +53,7 @@ def test_what_is_added_to_trained_weights_changes_nothing_until_it_learns():
     images, lights, prior = pixels(side=8)
     torch.manual_seed(0)
     plain = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
-    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=1))
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=1, attention=2))
     net.load_state_dict(net.state_dict() | plain.state_dict())
     once, twice = net(images, lights, prior, passes=2).chunk(2)
     torch.testing.assert_close(once[:, :3], plain(images, lights, prior))
@@ -73,6 +73,17 @@ def test_in_a_second_pass_an_image_is_seen_with_what_the_others_told():
     torch.nn.init.normal_(net.recall.weight)
     net(images, lights, prior, passes=2).chunk(2)[1][:, :3].sum().backward()
     assert net.remember.weight.grad is not None and net.remember.weight.grad.abs().max() > 0  # the first pass's
+
+
+def test_images_that_score_alike_count_alike():
+    images, lights, prior = pixels()
+    torch.manual_seed(0)
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, attention=2))
+    for p in net.score.parameters():
+        torch.nn.init.zeros_(p)
+    total = net.encode(images, lights, net.begin(prior, lights)).total
+    torch.testing.assert_close(total[..., 8:16], total[..., :8])
+    assert (total[..., 16:] == 9).all()
 
 
 def test_without_a_prior_a_pixel_faces_the_camera():

@@ -111,8 +111,8 @@ CPU = replace(
 
 NORMALNET = Recipe(
     network="normalnet",
-    config={"expected": True, "memory": 32, "coarse": 2},
-    images=(8, 64),
+    config={"expected": True, "memory": 32, "coarse": 2, "attention": 4},
+    images=(4, 96),
     batch=64,
     steps=100_000,
     lr=1.5e-3,
@@ -149,7 +149,7 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(8, 32), batch=16, reuse=4, lr=1e-3, warmup=200, validate=1000),
+    "normalnet-cpu": replace(NORMALNET, images=(4, 48), batch=16, reuse=4, lr=1e-3, warmup=200, validate=1000),
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),

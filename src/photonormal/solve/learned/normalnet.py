@@ -3,7 +3,8 @@
 Fed as plain features a prior is copied, its bias included; as a frame it isn't. Each pixel's lights are turned about
 the view axis until the prior's azimuth is zero, so that one isotropic material looks the same from every side and a
 whole degree of freedom need not be learned. A shared encoder reads each image of a pixel; mean and maximum over the
-images; 3 x 3 layers at full resolution; a correction is added to the prior. Untrained it returns its prior.
+images, and means that weigh each image by what is seen in it; 3 x 3 layers at full resolution; a correction is added
+to the prior. Untrained it returns its prior.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from photonormal.solve.learned.layers import SLOPE, Block, conv
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network, at_pixels
-from photonormal.solve.learned.pooling import Pooled, pool
+from photonormal.solve.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, InputError, Normals
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
-ADDED = ("coarse.last.weight", "recall.weight")  # start at zero: a trained network without them stays what it is
+ADDED = ("coarse.last.weight", "recall.weight", "heed.weight")  # start at zero: a trained network without them stays what it is
+WEIGHT = 4.0  # logarithm of the largest weight of an image in a weighted mean; the least is its inverse
 DOUBT = 32  # channels of the layer that tells the expected error
 LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
 
@@ -46,6 +48,8 @@ class NormalNetConfig:
     memory : channels that a pass hands to the next one beside its normals, for the encoder to look at each image
         with what was learned from the others
     coarse : layers at a quarter of the resolution, which see 20 pixels around; 0: none
+    attention : groups of features, each with a mean over the images weighted by a learned score beside the even one;
+        after the first pass the scores know, by its memory, what the other images show; 0: none
     """
 
     prior: str = "trimmed"
@@ -59,6 +63,7 @@ class NormalNetConfig:
     expected: bool = False
     memory: int = 0
     coarse: int = 0
+    attention: int = 0
 
 
 class Shared(NamedTuple):
@@ -88,12 +93,16 @@ class NormalNet(Network):
         if c.coarse:
             self.stride, self.reach = 4, -(-(self.reach + 9 + 4 * c.coarse) // 4) * 4
         self.memory = c.memory
-        self.floats = 2 * c.features + 8 + c.memory + c.hidden * (c.memory > 0)
+        weighted = c.features + c.attention if c.attention else 0
+        self.floats = 2 * c.features + weighted + 8 + c.memory + c.hidden * (c.memory > 0)
         act = nn.LeakyReLU(SLOPE, inplace=True)
         self.encoder = nn.Sequential(
             nn.Linear(TOKENS, c.hidden), act, nn.Linear(c.hidden, c.hidden), act, nn.Linear(c.hidden, c.features), act
         )
         self.fuse = nn.Sequential(nn.Linear(2 * c.features + 3, c.width), act)
+        if c.attention:
+            self.score = nn.Linear(c.features, c.attention)
+            self.heed = nn.Linear(c.features, c.width, bias=False)
         layer, count = (Block, c.blocks) if c.blocks else (conv, c.layers)
         self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
         self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
@@ -140,15 +149,27 @@ class NormalNet(Network):
         if shared.recalled is not None:
             x = x.unflatten(0, seen.shape[:4]) + shared.recalled[:, None].to(x.dtype)
         features = self.encoder[2:](self.encoder[1](x).flatten(0, -2))
-        return pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
+        pooled = pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
+        if not self.config.attention:
+            return pooled
+        features = features.unflatten(0, (*seen.shape[:2], -1))  # (b, k, h w, f)
+        w = (WEIGHT * torch.tanh(self.score(features) / WEIGHT)).exp()  # (b, k, h w, groups)
+        weighted = weighted_sum(features, w.to(features.dtype)).unflatten(1, seen.shape[2:4])
+        return pooled._replace(total=torch.cat([pooled.total, weighted, w.sum(1).unflatten(1, seen.shape[2:4])], dim=-1))
 
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         assert pooled.total is not None
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
         frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
-        mean = (pooled.total / n).to(pooled.maximum.dtype)
+        f, groups = self.config.features, self.config.attention
+        total, weighted, weights = pooled.total.split([f, f, groups] if groups else [f, 0, 0], dim=-1)
+        mean = (total / n).to(pooled.maximum.dtype)
         x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3)
-        x = self.fuse(x).permute(0, 3, 1, 2)  # channels last in memory
+        x = self.fuse[0](x)
+        if groups:
+            means = weighted.unflatten(-1, (groups, -1)) / weights[..., None]
+            x = x + self.heed(means.flatten(-2).to(mean.dtype))
+        x = self.fuse[1](x).permute(0, 3, 1, 2)  # channels last in memory
         x = self.spatial(x)
         if self.config.coarse:
             x = self.coarse(x)

@@ -25,7 +25,7 @@ ACTS = """
 <script>
 addEventListener("load", async () => {
   while (!document.body.dataset.ready) await new Promise((again) => setTimeout(again, 50));
-  const said = {ready: document.body.dataset.ready, error: document.body.dataset.error}, table = document.querySelector("table");
+  const {ready, error} = document.body.dataset, said = {ready, error}, table = document.querySelector("table");
   const first = () => [...table.tBodies[0].rows].map((r) => r.cells[0].textContent);
   const button = [...table.tHead.rows[0].cells].find((c) => c.textContent === "ball").firstElementChild;
   button.click(); said.up = first();

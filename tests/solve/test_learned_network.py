@@ -29,7 +29,9 @@ VARIANTS = [
 NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
     lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8))),
     lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, blocks=2, turn=False))),
-    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, attention=2, expected=True))),
+    lambda: awake(
+        NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, attention=2, expected=True))
+    ),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
 ]

@@ -26,7 +26,7 @@ from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, InputError, Normals
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
-ADDED = ("coarse.last.weight", "recall.weight", "heed.weight")  # start at zero: a trained network without them stays what it is
+ADDED = ("coarse.last.weight", "recall.weight", "heed.weight")  # start at zero: trained weights stay what they are
 WEIGHT = 4.0  # logarithm of the largest weight of an image in a weighted mean; the least is its inverse
 DOUBT = 32  # channels of the layer that tells the expected error
 LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
@@ -155,7 +155,9 @@ class NormalNet(Network):
         features = features.unflatten(0, (*seen.shape[:2], -1))  # (b, k, h w, f)
         w = (WEIGHT * torch.tanh(self.score(features) / WEIGHT)).exp()  # (b, k, h w, groups)
         weighted = weighted_sum(features, w.to(features.dtype)).unflatten(1, seen.shape[2:4])
-        return pooled._replace(total=torch.cat([pooled.total, weighted, w.sum(1).unflatten(1, seen.shape[2:4])], dim=-1))
+        return pooled._replace(
+            total=torch.cat([pooled.total, weighted, w.sum(1).unflatten(1, seen.shape[2:4])], dim=-1)
+        )
 
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         assert pooled.total is not None

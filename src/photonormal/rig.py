@@ -26,6 +26,7 @@ from photonormal.types import InputError, cores
 
 if TYPE_CHECKING:
     from photonormal.check.finding import Finding
+    from photonormal.check.given import Near
 
 REFERENCE_PIXELS = 3000  # of the object that intensities are found from
 MASK_PICTURES = 16  # that a mask is found from
@@ -193,7 +194,8 @@ def intensities(
 
     Parameters
     ----------
-    capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
+    capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to; of near lamps the object's
+        own shading tells what they send out, the board what arrives at its distance
     out : `light_intensities.txt`, which is read where it lies beside the photographs
     reference : folder with photographs of a matt white or grey board that faces the camera, under the same lights in
         the same order; without it and `region`, intensities are found from the object's own shading
@@ -202,6 +204,7 @@ def intensities(
     """
     from photonormal.calibrate import files as text
     from photonormal.calibrate.intensities import from_reference, self_calibrated
+    from photonormal.check.given import Near
 
     out = Path(out)
     if out.exists() and not overwrite:
@@ -222,13 +225,29 @@ def intensities(
             e = from_reference(levels, str(reference or capture), np.array([0.0, 0, 1]), L)
         else:
             inside = np.flatnonzero(photographs.mask)
-            pixels = inside[:: max(1, inside.size // REFERENCE_PIXELS)]
-            I = np.stack(photographs.map_images(lambda _, image: image.reshape(-1, c)[pixels]), axis=1)  # (p, n, c)
-            I = I[np.all((I > 0).any(1), axis=-1)].astype(np.float64)
+            some = slice(None, None, max(1, inside.size // REFERENCE_PIXELS))
+            I = np.stack(photographs.map_images(lambda _, image: image.reshape(-1, c)[inside[some]]), axis=1)
+            lit = np.all((I > 0).any(1), axis=-1)
+            I = I[lit].astype(np.float64)  # (p, n, c)
             if len(I) < 100:
                 raise InputError(f"{photographs.name} shows too little light on the object to tell intensities from.")
-            e = np.stack([self_calibrated(I[..., k], L)[0] for k in range(c)], axis=-1)
+            lamps, camera = photographs.lamps, photographs.camera
+            if lamps is None or camera is None:
+                e = np.stack([self_calibrated(I[..., k], L)[0] for k in range(c)], axis=-1)
+            else:
+                X = camera.flat_mm(photographs.mask)[some][lit]
+                e = np.stack([_of_lamps(Near(I[..., k], X, lamps)) for k in range(c)], axis=-1)
     write(out, text.table(e))
+    return e
+
+
+def _of_lamps(near: Near) -> np.ndarray:
+    """Intensities (n,) of near lamps themselves, without their distance, for an object that is nearly flat."""
+    from photonormal.calibrate.intensities import self_calibrated
+
+    e = np.ones(len(near.vectors))
+    for _ in range(3):  # how light falls off over the object is told from pictures of equal lamps
+        e = e * self_calibrated(near.showing(near.levels / e).seen(), near.directions())[0]
     return e
 
 

@@ -12,7 +12,7 @@ from photonormal.check.given import Near
 from photonormal.cli import main
 from photonormal.geometry import angle_deg, normalised
 from photonormal.types import Camera, Capture, Lamps, Normals
-from tests.near import dome, photographed
+from tests.near import bump, dome, photographed
 from tests.scenes import write_diligent
 
 CAMERA = Camera(mm_per_px=1.0)
@@ -136,3 +136,19 @@ def test_measure_warns_of_a_flipped_axis(right, tmp_path, capsys):
     how = ["--mm-per-px", "1", "--method", "woodham", "--no-mesh", "--out", str(tmp_path / "result")]
     main(["measure", str(tmp_path / "object"), *how])
     assert "y is flipped" in capsys.readouterr().err
+
+
+def test_lamps_of_unequal_brightness_are_told_from_the_object(tmp_path):
+    """What lamps send out comes out, not what arrives: one stands much farther away than the others."""
+    X, truth = bump(CAMERA, 48)
+    places = dome(15, 100.0, X.mean((0, 1))) * np.where(np.arange(15) == 5, 1.6, 1)[:, None]
+    gains = np.random.default_rng(1).uniform(0.5, 1, 15)
+    shot = photographed(CAMERA, Lamps(places), X, truth)
+    images = shot.images * gains[:, None, None, None]
+    write_diligent(tmp_path / "object", replace(shot, lamps=None, images=images / images.max()))
+    np.savetxt(tmp_path / "object" / "light_directions.txt", places, fmt="%.8f")
+    (tmp_path / "object" / "light_intensities.txt").unlink()
+    out = tmp_path / "light_intensities.txt"
+    assert main(["intensities", str(tmp_path / "object"), "--mm-per-px", "1", "--out", str(out)]) == 0
+    e = np.loadtxt(out, ndmin=2)[:, 0]
+    assert np.abs(np.log(e / gains * gains.mean() / e.mean())).max() < 0.1

@@ -12,9 +12,9 @@ from torch import Tensor
 from photonormal.synth.params import indices
 from photonormal.synth.trace import NOWHERE
 
-RAYS = 24  # from each receiver
-GLOSS = 20  # exponent of the lobe that one half of them follows
-STEPS = 20
+RAYS = 32  # from each receiver
+GLOSS = 12  # exponent of the lobe that one half of them follows
+STEPS = 24
 
 
 def rays(N: Float[Tensor, "b r 3"], seed: int) -> tuple[Float[Tensor, "b r m 3"], Float[Tensor, "b r m"]]:

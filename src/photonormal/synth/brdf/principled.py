@@ -31,7 +31,7 @@ class Principled:
         return (1 - metallic) * (1 + F90 * (1 - cos_l) ** 5) * (1 + F90 * (1 - cos_v) ** 5)
 
     def specular(self, cos_l: Tensor, cos_v: Tensor, cos_h: Tensor, cos_d: Tensor) -> Float[Tensor, "*n 3 p"]:
-        """GGX highlight, tinted on metals, with sheen and a clear coat."""
+        """GGX highlight, tinted on metals, with sheen and a clear coat; one roughness for facets and their masking."""
         base = self.base()
         metallic, rough, spec, tint, sheen, sheen_tint, coat, gloss = self.values[..., 3:, :].unbind(-2)
         hue = base / (base * base.new_tensor([0.3, 0.6, 0.1])[:, None]).sum(-2, keepdim=True).clamp(min=1e-3)
@@ -40,8 +40,7 @@ class Principled:
         F = _fifth(1 - cos_d)
         a2 = rough.square().clamp(min=1e-3).square()
         t = (a2 - 1) * cos_h.square() + 1
-        k = (0.5 + rough / 2).square().square()
-        lobe = a2 / (math.pi * t.square()) * _smith(cos_l, k) * _smith(cos_v, k)  # (..., p)
+        lobe = a2 / (math.pi * t.square()) * _smith(cos_l, a2) * _smith(cos_v, a2)  # (..., p)
         out = torch.addcmul(F0, 1 - F0, F.unsqueeze(-2)).mul_(lobe.unsqueeze(-2))  # (..., 3, p)
         if bool((coat > 0).any()):
             c2 = torch.lerp(torch.full_like(gloss, 0.1), torch.full_like(gloss, 0.01), gloss).square()

@@ -146,12 +146,11 @@ def _principled(mi: Any, v: list[Any], cl: Any, cv: Any, ch: Any, cd: Any) -> An
 
     a2 = dr.maximum(rough * rough, 1e-3) ** 2
     D = a2 / (math.pi * (1 + (a2 - 1) * ch * ch) ** 2)
-    k = (0.5 + rough / 2) ** 4
     c2 = mix(0.1, 0.01, gloss) ** 2
     Dc = (c2 - 1) / (math.pi * dr.log(c2) * (1 + (c2 - 1) * ch * ch))
     coated = 0.25 * coat * Dc * mix(0.04, 1, F) * smith(cl, 0.0625) * smith(cv, 0.0625)
     cloth = mix(white, hue, sheen_tint) * (F * sheen * (1 - metallic))
-    return matt + mix(F0, white, F) * (D * smith(cl, k) * smith(cv, k)) + cloth + mi.Color3f(coated)
+    return matt + mix(F0, white, F) * (D * smith(cl, a2) * smith(cv, a2)) + cloth + mi.Color3f(coated)
 
 
 FORMULAS = {"abc": _abc, "sgd": _sgd, "principled": _principled}

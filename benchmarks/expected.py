@@ -1,20 +1,21 @@
-"""How far a method can be trusted: expected and true errors, and the calibration behind those of the classical ones.
+"""How far a method can be trusted: expected and true errors, and the calibration behind the former.
 
-    python benchmarks/expected.py [ROOT] [--methods woodham,normalnet] [--lights 32] [--near 2]
-    python benchmarks/expected.py --fit [--scenes 232]
+    python benchmarks/expected.py [ROOT] [--methods woodham,normalnet] [--scenes 240] [--lights 32] [--near 2]
+    python benchmarks/expected.py --fit [--scenes 1000]
 
 Prints Markdown: pixels sorted by expected error and cut into ten equal parts, mean expected and true errors of each in
-degrees, on 64 rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
-in ROOT (`<object>PNG` folders). `--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of
-other materials, under 3 to 100 lights, and writes `src/photonormal/solve/expected.json`. A method may have options, as
-in `normalnet:weights=mine.safetensors`.
+degrees, on rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
+in ROOT (`<object>PNG` folders). Methods that solve each pixel by itself are shown every fourth row and column.
+`--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of other materials, under 3 to 100
+lights, and writes `src/photonormal/solve/expected.json`. A method may have options, as in
+`normalnet:weights=mine.safetensors`.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -30,55 +31,61 @@ from photonormal.solve.expected import FILE, FITTED, evidence_of, linear, terms,
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 
-CLASSICAL = [name for name, place in METHODS.items() if ".classical." in place]
-SLOW = ("table", "ward", "consensus")  # fitted on every third block of scenes
-STEP = {"rpca": 1, **dict.fromkeys(SLOW, 3)}  # of rows and columns; others: 4. These look at all pixels at once
+NETWORKS = ("lambertian-prior", "normalnet")  # fitted on every third block of scenes
+STEP = dict.fromkeys(("rpca", *NETWORKS), 1) | dict.fromkeys(("table", "ward", "consensus"), 3)
+# of rows and columns; others: 4. These look at all pixels, or many of them, together
 KEPT = 16  # one in so many pixels, where every row and column is used
 BLOCK = 4  # scenes with one number of images
 CPU = torch.device("cpu")
-IMAGES = (4, 8, 16, 32, 80)  # at which calibrations are fitted
-NEARBY = 0.5  # standard deviation of ln images, of the scenes' weights around them
+IMAGES = (4, 6, 10, 18, 32, 56, 92)  # at which calibrations are fitted
+NEARBY = 0.3  # standard deviation of ln images, of the scenes' weights around them
 RIDGE = 3e-3
-CURVE = 16  # parts of the pixels that a curve is read off
+CURVE = (0.005, 0.02, 0.04, 0.07, *np.arange(0.12, 0.9, 0.08), 0.93, 0.96, 0.98, 0.995)  # shares of the pixels below
+# which a curve is read off, one part each: its ends count as well as its middle
 
 Found = dict[str, list[tuple[int, np.ndarray, np.ndarray]]]  # by method: images, evidence (p, k), errors (p,)
 
 
-def scenes(count: int, seed: int, step: int = 1, **changes) -> Iterator[pn.Capture]:
-    """Rendered objects, at every `step`-th row and column."""
+def scenes(count: int, seed: int, **changes) -> Iterator[pn.Capture]:
+    """Rendered objects."""
     stream = Stream("objects", 1, "cpu", seed, **changes)
     distance, size = stream.recipe.distance, stream.recipe.size
     for b in islice(stream, count):
         mask = b.mask[0, 0].numpy()
         truth = pn.Normals(b.normals[0].permute(1, 2, 0).numpy(), mask)
         capture = pn.Capture(b.images[0].permute(0, 2, 3, 1).numpy(), mask, b.lights[0].numpy(), truth=truth)
-        capture = in_memory(capture, step)
         if distance is not None:
             lamps = Lamps(distance * size / 2 * capture.known_lights())
-            capture = replace(capture, lamps=lamps, camera=Camera(step))
+            capture = replace(capture, lamps=lamps, camera=Camera(1.0))
         yield capture
+
+
+def thinned(whole: pn.Capture, name: str) -> pn.Capture:
+    """The rows and columns of a capture that a method is shown."""
+    step = STEP.get(name, 4)
+    capture = in_memory(whole, step)
+    return capture if capture.camera is None else replace(capture, camera=Camera(step * capture.camera.mm_per_px))
 
 
 def fit(count: int) -> None:
     """Render, measure, fit, write."""
-    found: Found = {name: [] for name in CLASSICAL}
+    found: Found = {name: [] for name in METHODS}
     for i, whole in enumerate(scenes(count, 780, lights=FITTED, scenes=BLOCK, split="train", narrow=0.8)):
-        for name in CLASSICAL:
-            if name not in SLOW or i // BLOCK % 3 == 0:
+        for name in METHODS:
+            if name not in NETWORKS or i // BLOCK % 3 == 0:
                 measured(name, whole, found)
     write(found, count)
 
 
 def measured(name: str, whole: pn.Capture, found: Found) -> None:
     """Add a method's evidence and errors on some pixels of a capture."""
-    step = STEP.get(name, 4)
+    capture = thinned(whole, name)
     try:
-        capture = in_memory(whole, step)
         normals = run(configure(name), capture, CPU)
     except pn.InputError:
         return  # too few lights for the method, or no pixel
     assert capture.truth is not None
-    some = slice(None, None, KEPT if step == 1 else 1)
+    some = slice(None, None, KEPT if STEP.get(name) == 1 else 1)
     F = evidence_of(capture, normals, CPU).double().numpy()
     found[name].append((len(capture.known_lights()), F[some], true_deg(normals, capture.truth)[some]))
 
@@ -135,39 +142,43 @@ def log_linear(T: np.ndarray, y: np.ndarray, w: np.ndarray) -> np.ndarray:
 
 
 def rising(x: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean x and ln mean y of equal parts of the pixels by x, neighbours pooled where y falls."""
+    """Mean x and ln mean y of parts of the pixels by x, neighbours pooled where y falls."""
     order = np.argsort(x)
     share = np.cumsum(w[order]) / w.sum()
-    parts = [p for p in np.split(order, np.searchsorted(share, np.arange(1, CURVE) / CURVE)) if len(p)]
-    pooled: list[list[float]] = []  # mean y, parts
+    parts = [p for p in np.split(order, np.searchsorted(share, CURVE)) if len(p)]
+    pooled: list[tuple[float, float, int]] = []  # mean y, weight, parts
     for part in parts:
-        pooled.append([np.average(y[part], weights=w[part]), 1])
+        pooled.append((np.average(y[part], weights=w[part]), w[part].sum(), 1))
         while len(pooled) > 1 and pooled[-2][0] > pooled[-1][0]:
-            (b, k), (a, j) = pooled.pop(), pooled.pop()
-            pooled.append([(a * j + b * k) / (j + k), j + k])
-    means = np.repeat([v for v, _ in pooled], [int(k) for _, k in pooled])
+            (b, v, k), (a, u, j) = pooled.pop(), pooled.pop()
+            pooled.append(((a * u + b * v) / (u + v), u + v, j + k))
+    means = np.repeat([a for a, *_ in pooled], [k for *_, k in pooled])
     return np.array([np.average(x[p], weights=w[p]) for p in parts]), np.log(means)
 
 
-def deciles(text: str, sets: dict[str, list[pn.Capture]]) -> None:
-    """Two rows for each set: expected and true errors of ten equal parts of the pixels."""
+def told_and_true(text: str, whole: pn.Capture) -> tuple[np.ndarray, np.ndarray]:
+    """Expected and true errors of the pixels of a capture, by a method that may have options."""
     name, options = parse(text)
-    for label, captures in sets.items():
-        told, true = [], []
-        for capture in captures:
-            assert capture.truth is not None
-            normals = with_expected_error(run(configure(name, **options), capture, CPU), capture, name, CPU)
-            if normals.expected_error_deg is None:
-                return print_row(text, "does not tell what error to expect", *[""] * 12)
-            both = normals.mask & capture.truth.mask
-            told.append(normals.expected_error_deg[both])
-            true.append(angle_deg(normals.map[both], capture.truth.map[both]))
-        e, t = np.concatenate(told), np.concatenate(true)
-        parts = np.array_split(np.argsort(e), 10)
-        ratios = np.array([e[p].mean() / t[p].mean() for p in parts])
-        within = str(int((np.abs(ratios - 1) <= 0.2).sum()))
-        print_row(name, f"{label}, expected", *[f"{e[p].mean():.2f}" for p in parts], f"{e.mean():.2f}", within)
-        print_row("", f"{label}, true", *[f"{t[p].mean():.2f}" for p in parts], f"{t.mean():.2f}", "")
+    capture = thinned(whole, name)
+    normals = with_expected_error(run(configure(name, **options), capture, CPU), capture, name, CPU)
+    assert capture.truth is not None and normals.expected_error_deg is not None
+    both = normals.mask & capture.truth.mask
+    return normals.expected_error_deg[both], angle_deg(normals.map[both], capture.truth.map[both])
+
+
+def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) -> None:
+    """Two rows for each method: expected and true errors of ten equal parts of the pixels."""
+    found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {text: [] for text in methods}
+    for whole in captures:
+        for text in methods:
+            found[text].append(told_and_true(text, whole))
+    for text, pairs in found.items():
+        told, true = (np.concatenate(values) for values in zip(*pairs, strict=True))
+        parts = np.array_split(np.argsort(told), 10)
+        e, t = (np.array([v[p].mean() for p in parts]) for v in (told, true))
+        within = str(int((np.abs(e / t - 1) <= 0.2).sum()))
+        print_row(text, f"{label}, expected", *[f"{v:.2f}" for v in e], f"{told.mean():.2f}", within)
+        print_row("", f"{label}, true", *[f"{v:.2f}" for v in t], f"{true.mean():.2f}", "")
 
 
 def main() -> None:
@@ -175,23 +186,21 @@ def main() -> None:
     parser.add_argument("root", type=Path, nargs="?")
     parser.add_argument("--fit", action="store_true")
     parser.add_argument("--scenes", type=int)
-    parser.add_argument("--methods", default=",".join(CLASSICAL))
+    parser.add_argument("--methods", default=",".join(METHODS))
     parser.add_argument("--lights", type=int, default=32)
     parser.add_argument("--near", type=float)
-    parser.add_argument("--step", type=int, default=1, help="take every STEP-th row and column")
     args = parser.parse_args()
     if args.fit:
-        return fit(args.scenes or 232)
-    distance = None if args.near is None else 2 * args.near
-    how = dict(lights=(args.lights, args.lights), scenes=1, distance=distance)
-    sets = {"rendered": list(scenes(args.scenes or 64, 12345, args.step, **how))}
-    for name in OBJECTS if args.root else ():
-        if (args.root / f"{name}PNG").is_dir():
-            sets[name] = [in_memory(pn.load(args.root / f"{name}PNG"), args.step)]
+        return fit(args.scenes or 1000)
     print_row("method", "pixels", *[f"{10 * i} to {10 * i + 10} %" for i in range(10)], "all", "within 20 %")
     print_row(*["---"] * 14)
-    for name in args.methods.split(","):
-        deciles(name, sets)
+    methods = args.methods.split(",")
+    distance = None if args.near is None else 2 * args.near
+    rendered = scenes(args.scenes or 240, 12345, lights=(args.lights, args.lights), scenes=1, distance=distance)
+    deciles("rendered", rendered, methods)
+    for name in OBJECTS if args.root else ():
+        if (args.root / f"{name}PNG").is_dir():
+            deciles(name, [pn.load(args.root / f"{name}PNG")], methods)
 
 
 if __name__ == "__main__":

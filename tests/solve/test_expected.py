@@ -1,4 +1,4 @@
-"""Every classical method tells how far its normals are expected to be off, and that follows the light's facts."""
+"""Every method tells how far its normals are expected to be off, and that follows the light's facts."""
 
 from dataclasses import replace
 
@@ -39,8 +39,8 @@ def told(capture: Capture, method: str) -> np.ndarray:
     return found.expected_error_deg
 
 
-def test_classical_methods_and_no_others_are_calibrated():
-    assert sorted(calibrations()) == sorted(CLASSICAL)
+def test_every_method_is_calibrated():
+    assert sorted(calibrations()) == sorted(METHODS)
 
 
 @pytest.mark.parametrize("method", CLASSICAL)
@@ -131,11 +131,23 @@ def test_weights_belong_to_terms():
         assert (np.diff(calibration.curve, axis=-1) >= 0).all(), method
 
 
-def test_what_a_method_tells_itself_is_kept():
+def test_what_a_network_tells_counts():
     capture = shining(0.3, size=12)
-    own = replace(capture.truth, expected_error_deg=np.full(capture.mask.shape, 3.0, np.float32))
-    assert with_expected_error(own, capture, "woodham", CPU) is own
-    assert with_expected_error(capture.truth, capture, "lambertian-prior", CPU) is capture.truth
+    sure, unsure = (
+        with_expected_error(
+            replace(capture.truth, expected_error_deg=np.full(capture.mask.shape, degrees, np.float32)),
+            capture,
+            "normalnet",
+            CPU,
+        ).expected_error_deg[capture.mask]
+        for degrees in (1.0, 10.0)
+    )
+    assert unsure.mean() > 1.5 * sure.mean()
+
+
+def test_without_a_calibration_normals_are_left_as_they_are():
+    capture = shining(0.3, size=12)
+    assert with_expected_error(capture.truth, capture, "of another package", CPU) is capture.truth
 
 
 def test_measured_on_the_command_line(tmp_path):

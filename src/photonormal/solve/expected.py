@@ -1,8 +1,9 @@
-"""How far each normal of a classical method is expected to be off, in degrees.
+"""How far each normal is expected to be off, in degrees.
 
 What a pixel's samples say about its normal is put into a few numbers (`evidence`): how well a matt surface of that
-normal explains them, how much lies in shadow, how well the lights fix a normal, how far two cheap methods disagree. A
-calibration of each method, fitted to rendered scenes (`benchmarks/expected.py --fit`), maps them to a mean error.
+normal explains them, how much lies in shadow, how well the lights fix a normal, how far two cheap methods disagree;
+and what the method itself tells, where a network does. A calibration of each method, fitted to rendered scenes
+(`benchmarks/expected.py --fit`), maps them to a mean error.
 """
 
 from __future__ import annotations
@@ -41,6 +42,7 @@ EVIDENCE = (
     "level",  # ln: mean lit sample, over that of the object's bright parts
     "evenness",  # mean root over the root of the mean, of lit samples
     "images",  # ln: their number
+    "told",  # ln: degrees that the method itself expects, or 0
 )
 OF_ALL = ("usual residual", "trimmed", "woodham", "uncertainty")  # means over the object count, too
 PRODUCTS = (  # that are terms, too
@@ -56,10 +58,10 @@ DIM = Trimmed(lowest=0.0, highest=0.35)
 def with_expected_error(normals: Normals, capture: Capture, method: str, device: torch.device) -> Normals:
     """The normals that a method found, with how far each is expected to be off.
 
-    Unchanged where a method tells that itself or has no calibration. `capture` is the one that was solved, or that one
-    with its near lamps evened out (`photonormal.solve.near.seen_as_distant`), which saves doing it again.
+    Unchanged where a method has no calibration. `capture` is the one that was solved, or that one with its near lamps
+    evened out (`photonormal.solve.near.seen_as_distant`), which saves doing it again.
     """
-    if normals.expected_error_deg is not None or method not in calibrations():
+    if method not in calibrations():
         return normals
     F = evidence_of(seen_as_distant(capture, normals), normals, device)
     found = calibrations()[method](F.cpu().numpy())
@@ -86,6 +88,9 @@ def evidence_of(capture: Capture, normals: Normals, device: torch.device) -> Flo
     level = F[:, EVIDENCE.index("level")]
     bright = np.quantile(level.cpu().numpy(), 0.9)
     level.copy_((level - bright).clamp(min=np.log(1e-2)))
+    if normals.expected_error_deg is not None:
+        told = torch.from_numpy(normals.expected_error_deg[normals.mask]).to(F)
+        F[:, EVIDENCE.index("told")] = logarithm(told, 0.1)
     return F
 
 
@@ -136,6 +141,7 @@ def evidence(
         logarithm(mean, 1e-9),
         (I * keep).sqrt().sum(1) / lit_count / mean.clamp(min=1e-9).sqrt(),
         torch.full_like(mean, I.shape[1]).log(),
+        torch.zeros_like(mean),
     ]
     return torch.nan_to_num(torch.stack(numbers, dim=1))
 

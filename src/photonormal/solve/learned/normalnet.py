@@ -152,12 +152,12 @@ class NormalNet(Network):
         pooled = pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
         if not self.config.attention:
             return pooled
+        assert pooled.total is not None
         features = features.unflatten(0, (*seen.shape[:2], -1))  # (b, k, h w, f)
         w = (WEIGHT * torch.tanh(self.score(features) / WEIGHT)).exp()  # (b, k, h w, groups)
-        weighted = weighted_sum(features, w.to(features.dtype)).unflatten(1, seen.shape[2:4])
-        return pooled._replace(
-            total=torch.cat([pooled.total, weighted, w.sum(1).unflatten(1, seen.shape[2:4])], dim=-1)
-        )
+        weights = w.to(features.dtype)
+        weighted = torch.cat([weighted_sum(features, weights), weights.sum(1, dtype=torch.float32)], dim=-1)
+        return pooled._replace(total=torch.cat([pooled.total, weighted.unflatten(1, seen.shape[2:4])], dim=-1))
 
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         assert pooled.total is not None

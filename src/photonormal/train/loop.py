@@ -72,8 +72,8 @@ def train(
     InputError
         If the recipe or the device does not exist, `out` holds another training, or there is nothing to resume.
     """
-    called = recipe if isinstance(recipe, str) else recipe.network
-    name = name or called
+    called = recipe if isinstance(recipe, str) else "RECIPE"
+    name = name or (recipe if isinstance(recipe, str) else recipe.network)
     recipe = recipes.recipe(recipe) if isinstance(recipe, str) else recipe
     recipe = recipe if seed is None else replace(recipe, seed=seed)
     out, steps = Path(out), steps or recipe.steps
@@ -283,7 +283,7 @@ def command(
     begun: str | Path | None,
     name: str,
 ) -> str:
-    """The command line that trains this again."""
+    """The command line that trains this again; RECIPE stands for one without a name, whose fields the card lists."""
     run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
     words = [run, "train", recipe, "--out", str(out), f"--minutes {minutes:g}" if minutes else f"--steps {steps}"]
     words += [f"--seed {seed}"] * bool(seed) + [f"--start-from {begun}"] * bool(begun)

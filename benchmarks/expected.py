@@ -77,13 +77,20 @@ def fit(count: int) -> None:
     write(found, count)
 
 
-def measured(name: str, whole: pn.Capture, found: Found) -> None:
-    """Add a method's evidence and errors on some pixels of a capture."""
+def solved(name: str, options: dict, whole: pn.Capture) -> tuple[pn.Capture, pn.Normals] | None:
+    """What a method is shown and finds; None with too few lights for it, or in the dark."""
     capture = thinned(whole, name)
     try:
-        normals = run(configure(name), capture, CPU)
+        return capture, run(configure(name, **options), capture, CPU)
     except pn.InputError:
-        return  # too few lights for the method, or no pixel
+        return None
+
+
+def measured(name: str, whole: pn.Capture, found: Found) -> None:
+    """Add a method's evidence and errors on some pixels of a capture."""
+    if (both := solved(name, {}, whole)) is None:
+        return
+    capture, normals = both
     assert capture.truth is not None
     some = slice(None, None, KEPT if STEP.get(name) == 1 else 1)
     F = evidence_of(capture, normals, CPU).double().numpy()
@@ -156,22 +163,20 @@ def rising(x: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.
     return np.array([np.average(x[p], weights=w[p]) for p in parts]), np.log(means)
 
 
-def told_and_true(text: str, whole: pn.Capture) -> tuple[np.ndarray, np.ndarray]:
-    """Expected and true errors of the pixels of a capture, by a method that may have options."""
-    name, options = parse(text)
-    capture = thinned(whole, name)
-    normals = with_expected_error(run(configure(name, **options), capture, CPU), capture, name, CPU)
-    assert capture.truth is not None and normals.expected_error_deg is not None
-    both = normals.mask & capture.truth.mask
-    return normals.expected_error_deg[both], angle_deg(normals.map[both], capture.truth.map[both])
-
-
 def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) -> None:
     """Two rows for each method: expected and true errors of ten equal parts of the pixels."""
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {text: [] for text in methods}
     for whole in captures:
         for text in methods:
-            found[text].append(told_and_true(text, whole))
+            name, options = parse(text)
+            if (both := solved(name, options, whole)) is None:
+                continue
+            capture, normals = both
+            normals = with_expected_error(normals, capture, name, CPU)
+            assert capture.truth is not None and normals.expected_error_deg is not None
+            on = normals.mask & capture.truth.mask
+            true = angle_deg(normals.map[on], capture.truth.map[on])
+            found[text].append((normals.expected_error_deg[on], true))
     for text, pairs in found.items():
         told, true = (np.concatenate(values) for values in zip(*pairs, strict=True))
         parts = np.array_split(np.argsort(told), 10)

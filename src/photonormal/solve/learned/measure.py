@@ -60,29 +60,39 @@ def measure(
     with torch.inference_mode():
         look = first_look(net, capture, box, L, net.config.prior if prior is None else prior)
         log.info("prior and scale: %.2f s", time.perf_counter() - start)
-        found = look.prior
-        for _ in range(passes):
-            found = looked(net, capture, box, look, L, rotations, tile)  # (d, h, w)
-            look.prior = found[: 3 + net.memory].to(device) * box.mask.to(device)
+        found = looked(net, capture, box, look, L, rotations, tile, passes)  # (3 or 4, h, w)
     log.info("network: %.2f s in all", time.perf_counter() - start)
-    return box.normals(found[:3], found[3 + net.memory :], look.lit.cpu(), capture)
+    return box.normals(found[:3], found[3:], look.lit.cpu(), capture)
 
 
 def looked(
-    net: Network, capture: Capture, box: Box, look: Look, L: Float[Tensor, "n 3 *hw"], rotations: int, tile: int
+    net: Network,
+    capture: Capture,
+    box: Box,
+    look: Look,
+    L: Float[Tensor, "n 3 *hw"],
+    rotations: int,
+    tile: int,
+    passes: int,
 ) -> Float[Tensor, "d h w"]:
-    """One pass of the network over all images: what it decodes for the box, on the processor."""
+    """All passes over all images, some tiles at a time: normals and expected errors of the box, on the processor."""
     N: Tensor | None = None
-    windows = box.windows(tile, net.reach)
-    together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * net.reach) ** 2))  # tiles
+    margin = passes * net.reach  # a pass reaches as far into what the pass before has found
+    windows = box.windows(tile, margin)
+    together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * margin) ** 2))  # tiles
     for first in range(0, len(windows), together):
         tiles = [Tile(net, box, look, w, L, rotations) for w in windows[first : first + together]]
         chunk = 1 if L.device.type == "cpu" else max(1, 2**21 // (tiles[0].mask.numel() * rotations))
-        for j, images in frames(capture, box, L.device, chunk):
+        for _ in range(passes):
             for t in tiles:
-                t.add(images, L[j : j + images.shape[1]])
+                t.begin(L)
+            for j, images in frames(capture, box, L.device, chunk):
+                for t in tiles:
+                    t.add(images, L[j : j + images.shape[1]])
+            for t in tiles:
+                t.finish()
         for t in tiles:
-            found = t.finish(len(L))
+            found = t.result()
             N = torch.zeros(len(found), *box.mask.shape) if N is None else N
             N[:, *t.core] = found
     assert N is not None  # a mask has pixels
@@ -165,7 +175,7 @@ class Box:
 class Look:
     """What a first pass over the images gives."""
 
-    prior: Tensor  # (3, h, w), zero outside the mask; with the network's memory after its first pass
+    prior: Tensor  # (3, h, w), zero outside the mask
     moments: Tensor  # (1, c, h, w) or (1, 1, 1, 1), see network.moment
     lit: Tensor  # (h, w) bool, some image is not black here
 
@@ -243,7 +253,7 @@ def read_ahead(capture: Capture, box: Box) -> Iterator[Tensor]:
 
 
 class Tile:
-    """One part of the object: its share of every image goes in, its normals come out."""
+    """One part of the object: in each pass its share of every image goes in and normals come out."""
 
     def __init__(
         self, net: Network, box: Box, look: Look, window: tuple[slice, ...], L: Float[Tensor, "n 3 *hw"], rotations: int
@@ -253,12 +263,16 @@ class Tile:
         self.mask = box.mask[self.seen][None, None].to(L.device)  # (1, 1, h, w)
         self.moments = look.moments if look.moments.numel() == 1 else look.moments[..., *self.seen]
         self.turns = range(rotations)
-        prior = look.prior[:, *self.seen][None]  # (1, c, h, w)
+        self.found = look.prior[:, *self.seen][None]  # (1, d, h, w), the last pass's, or the prior
+
+    def begin(self, L: Float[Tensor, "n 3 *hw"]) -> None:
+        """A pass over the images begins, from the normals, and the network's memory, of the last one."""
+        prior = self.found[:, : 3 + self.net.memory].to(L.device) * self.mask
         with inner_precision(L.device):
             self.shared = [
-                net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), self.lights(L, r)) for r in self.turns
+                self.net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), self.lights(L, r)) for r in self.turns
             ]
-        self.pooled: list[Pooled | None] = [None] * rotations
+        self.pooled: list[Pooled | None] = [None] * len(self.turns)
 
     def add(self, images: Float[Tensor, "1 k c h w"], L: Float[Tensor, "k 3 *hw"]) -> None:
         """Look at k images of the box under the lights `L`."""
@@ -274,19 +288,24 @@ class Tile:
         seen = L[None] if L.ndim == 2 else torch.rot90(L[None][..., *self.seen], r, (3, 4))
         return turned(seen, r, 2)
 
-    def finish(self, n: int) -> Float[Tensor, "d i j"]:
-        """What the network decodes for the tile: the mean over all turns."""
+    def finish(self) -> None:
+        """Every image has been seen: decode them all, the mean over all turns."""
         total = torch.zeros(1)
         for r in self.turns:
             pooled = self.pooled[r]
             assert pooled is not None
             with inner_precision(self.mask.device):
-                found = self.net.decode(pooled, n, self.shared[r]).float()
+                found = self.net.decode(pooled, self.n, self.shared[r]).float()
             total = total + torch.rot90(turned(found, -r, 1), -r, (2, 3)).cpu()
         total[:, :3] = torch.nn.functional.normalize(total[:, :3], dim=1)
         total[:, 3:] /= len(self.turns)
+        self.found = total
+
+    def result(self) -> Float[Tensor, "d i j"]:
+        """Normals, and expected errors if any, without the margins."""
         y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in zip(self.core, self.seen, strict=True))
-        return total[0, :, y, x]
+        here = self.found[0, :, y, x]
+        return torch.cat([here[:3], here[3 + self.net.memory :]])
 
 
 def turned(v: Tensor, quarters: int, axis: int) -> Tensor:

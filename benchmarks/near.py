@@ -32,7 +32,7 @@ CASES = {  # changes of the recipe "lambert"
     "any material, cast shadows": {"materials": (1.0, 0, 0, 0, 0, 0), "shadows": True},
 }
 WIDTHS = (1.0, 1.5, 3.0)
-METHODS = ("woodham", "trimmed", "ransac")
+METHODS = ("normalnet", "woodham", "trimmed", "ransac")
 WIDTH_MM = 100.0
 
 

@@ -81,9 +81,9 @@ def test_images_that_score_alike_count_alike():
     net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, attention=2))
     for p in net.score.parameters():
         torch.nn.init.zeros_(p)
-    total = net.encode(images, lights, net.begin(prior, lights)).total
-    torch.testing.assert_close(total[..., 8:16], total[..., :8])
-    assert (total[..., 16:] == 9).all()
+    pooled = net.encode(images, lights, net.begin(prior, lights))
+    torch.testing.assert_close(pooled.weighted, pooled.total)
+    assert (pooled.weights == 9).all() and pooled.weights.shape[-1] == 2
 
 
 def test_without_a_prior_a_pixel_faces_the_camera():

@@ -152,24 +152,22 @@ class NormalNet(Network):
         pooled = pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
         if not self.config.attention:
             return pooled
-        assert pooled.total is not None
         features = features.unflatten(0, (*seen.shape[:2], -1))  # (b, k, h w, f)
         w = (WEIGHT * torch.tanh(self.score(features) / WEIGHT)).exp()  # (b, k, h w, groups)
-        weights = w.to(features.dtype)
-        weighted = torch.cat([weighted_sum(features, weights), weights.sum(1, dtype=torch.float32)], dim=-1)
-        return pooled._replace(total=torch.cat([pooled.total, weighted.unflatten(1, seen.shape[2:4])], dim=-1))
+        w = w.to(features.dtype)
+        sums = weighted_sum(features, w), w.sum(1, dtype=torch.float32)
+        return Pooled(pooled.maximum, pooled.total, *(x.unflatten(1, seen.shape[2:4]) for x in sums))
 
     def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         assert pooled.total is not None
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
         frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
-        f, groups = self.config.features, self.config.attention
-        total, weighted, weights = pooled.total.split([f, f, groups] if groups else [f, 0, 0], dim=-1)
-        mean = (total / n).to(pooled.maximum.dtype)
+        mean = (pooled.total / n).to(pooled.maximum.dtype)
         x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3)
         x = self.fuse[0](x)
-        if groups:
-            means = weighted.unflatten(-1, (groups, -1)) / weights[..., None]
+        if pooled.weighted is not None and pooled.weights is not None:
+            groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)
+            means = groups / pooled.weights[..., None]
             x = x + self.heed(means.flatten(-2).to(mean.dtype))
         x = self.fuse[1](x).permute(0, 3, 1, 2)  # channels last in memory
         x = self.spatial(x)

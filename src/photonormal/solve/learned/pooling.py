@@ -1,4 +1,4 @@
-"""What a network remembers of the images it has seen: the maximum and, where asked for, the sum of their features.
+"""What a network remembers of the images it has seen: the maximum and, where asked for, sums of their features.
 
 Both can be taken image by image, so a measurement needs memory for one image, whatever their number.
 """
@@ -17,12 +17,15 @@ class Pooled(NamedTuple):
 
     maximum: Tensor  # (b, ...)
     total: Tensor | None = None  # (b, ...) float32 sum; None where the network asks for the maximum alone
+    weighted: Tensor | None = None  # (b, ...) float32 sum of weighted features, or None
+    weights: Tensor | None = None  # (b, ...) float32 sum of their weights
 
     def merged(self, other: Pooled) -> Pooled:
         """This and what other images gave; overwrites this one's memory, so only where no gradient is needed."""
         torch.maximum(self.maximum, other.maximum, out=self.maximum)
-        if self.total is not None and other.total is not None:
-            self.total.add_(other.total)
+        for mine, added in zip(self[1:], other[1:], strict=True):
+            if mine is not None and added is not None:
+                mine.add_(added)
         return self
 
 
@@ -83,9 +86,10 @@ class WeightedSum(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, x: Tensor, w: Tensor) -> Tensor:
         ctx.save_for_backward(x, w)
-        total = x.new_zeros(x.shape[0], x.shape[2], w.shape[-1], x.shape[3] // w.shape[-1], dtype=torch.float32)
-        for image, weight in zip(x.unflatten(-1, total.shape[2:]).unbind(1), w.unbind(1), strict=True):
-            total += image * weight[..., None]
+        images, weights = x.unflatten(-1, (w.shape[-1], -1)).unbind(1), w[..., None].unbind(1)
+        total = (images[0] * weights[0]).float()  # (b, p, groups, f / groups)
+        for image, weight in zip(images[1:], weights[1:], strict=True):
+            total += image * weight
         return total.flatten(2)
 
     @staticmethod

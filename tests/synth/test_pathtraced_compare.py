@@ -16,14 +16,15 @@ COATED = np.array([0.3, 0.4, 0.6, 0, 0.6, 0.4, 0.5, 0.3, 0.5, 0.8, 0.5])
 METAL = np.array([0.9, 0.7, 0.4, 1, 0.4, 0.5, 0, 0, 0, 0, 0])
 
 
-@pytest.mark.parametrize("material", [COATED, METAL], ids=["coated", "metal"])
-def test_a_turtle_has_the_path_tracers_light_and_shadows(material):
+@pytest.mark.parametrize(("material", "most"), [(COATED, 5), (METAL, 7)], ids=["coated", "metal"])
+def test_a_turtle_has_the_path_tracers_light_and_shadows(material, most):
+    """A metal turtle's bounce is farther off than anything else's."""
     from photonormal.synth.pathtraced.compare import compare
     from photonormal.synth.pathtraced.objects import turtle
 
     c = compare(turtle(), material=material, n=4, samples=32)
     assert c.direct_percent() < 2
-    assert c.bounced_percent() < 5
+    assert c.bounced_percent() < most
     assert c.shadows_percent() > 98.5
 
 

@@ -16,16 +16,24 @@ COATED = np.array([0.3, 0.4, 0.6, 0, 0.6, 0.4, 0.5, 0.3, 0.5, 0.8, 0.5])
 METAL = np.array([0.9, 0.7, 0.4, 1, 0.4, 0.5, 0, 0, 0, 0, 0])
 
 
-@pytest.mark.parametrize(("material", "most"), [(COATED, 5), (METAL, 7)], ids=["coated", "metal"])
-def test_a_turtle_has_the_path_tracers_light_and_shadows(material, most):
-    """A metal turtle's bounce is farther off than anything else's."""
+@pytest.fixture(scope="module", params=[COATED, METAL], ids=["coated", "metal"])
+def turtles(request):
     from photonormal.synth.pathtraced.compare import compare
     from photonormal.synth.pathtraced.objects import turtle
 
-    c = compare(turtle(), material=material, n=4, samples=32)
-    assert c.direct_percent() < 2
-    assert c.bounced_percent() < most
-    assert c.shadows_percent() > 98.5
+    return compare(turtle(), material=request.param, n=4, samples=32)
+
+
+def test_a_turtle_has_the_path_tracers_direct_light_and_shadows(turtles):
+    assert turtles.direct_percent() < 2
+    assert turtles.shadows_percent() > 98.5
+
+
+def test_a_turtle_has_the_path_tracers_bounce(turtles, request):
+    if "metal" in request.node.callspec.id:
+        why = "metal is off by 6.4 %: light is gathered at every second row and column only"
+        request.applymarker(pytest.mark.xfail(strict=True, reason=why))
+    assert turtles.bounced_percent() < 5
 
 
 def test_a_drawn_solid_is_seen_as_the_path_tracer_sees_it():

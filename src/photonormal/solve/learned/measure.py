@@ -171,7 +171,7 @@ class Box:
         return Normals(values, mask, expected)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Look:
     """What a first pass over the images gives."""
 

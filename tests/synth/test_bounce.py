@@ -20,27 +20,22 @@ def bowl():
     return (z * inside)[None], inside[None], torch.where(inside, n, up)[None]
 
 
-def receivers():
-    grid = torch.arange(2, S, 4)
-    return (grid[:, None] * S + grid).flatten()
-
-
 def met(height, mask, normals):
-    at = receivers()
-    directions, _ = bounce.rays(normals.flatten(2)[:, :, at].transpose(1, 2), 0)
-    return bounce.hits(height, mask, normals, at, directions)
+    directions, _ = bounce.rays(normals.flatten(2).transpose(1, 2), 0)
+    return bounce.hits(height, mask, normals, mask.flatten(1), directions)
 
 
 def test_in_a_bowl_under_a_light_overhead_a_quarter_arrives_everywhere():
     """All points of a sphere see each other alike: E = (1 / 4 pi R^2) times the light through the rim, pi R^2."""
     height, inside, normals = bowl()
-    at = receivers()
-    N = normals.flatten(2)[:, :, at].transpose(1, 2)
+    N = normals.flatten(2).transpose(1, 2)
     directions, density = bounce.rays(N, 0)
-    found = bounce.hits(height, inside | True, normals, at, directions)[0].long()  # (r, m)
+    found = bounce.hits(height, inside | True, normals, inside.flatten(1), directions)[0].long()  # (q, m)
     lit = (normals[:, 2] * inside).flatten()  # n.l of a light overhead, which all see
     share = ((directions[0] @ N[0, :, :, None])[..., 0] / density[0] / bounce.RAYS) * (found >= 0)
-    arriving = (share * lit[found.clamp(min=0)]).sum(1)
+    own = (share * lit[found.clamp(min=0)]).sum(1)
+    at = torch.arange(S * S)
+    arriving = bounce.spread(own[None, :, None], *bounce.around(inside.flatten(1), N, at[None]))[0, :, 0]
     r = ((at % S + 0.5 - 32) ** 2 + (at // S + 0.5 - 32) ** 2).sqrt()
     assert math.isclose(arriving[r < 24].mean(), 0.25 * (29.5 / 30) ** 2, abs_tol=0.015)
     assert arriving[r < 24].std() < 0.03
@@ -84,10 +79,20 @@ def test_what_arrives_along_a_ray_is_summed():
     assert bounce.gather(rows, row)[..., 0].tolist() == [[101, 10], [0, 222]]
 
 
-def test_constant_receivers_spread_as_a_constant():
-    on = torch.ones(1, 256, dtype=torch.bool)
-    normals = torch.tensor([0.0, 0, 1]).expand(1, 256, 3)
+def test_neighbours_that_face_the_same_way_share_what_they_gather():
+    on = torch.ones(1, S * S, dtype=torch.bool)
+    up = torch.tensor([0.0, 0, 1]).expand(1, S * S, 3)
     pixel = torch.arange(0, S * S, 7)[None]
-    own = torch.tensor([0.0, 0, 1]).expand(1, pixel.shape[1], 3)
-    out = bounce.spread(torch.full((1, 256, 5), 2.5), *bounce.between(on, normals, pixel, own, S))
+    out = bounce.spread(torch.full((1, S * S, 5), 2.5), *bounce.around(on, up, pixel))
     assert torch.allclose(out, torch.full_like(out, 2.5), atol=1e-4)
+    column = (torch.arange(S * S) % S).float()[None, :, None]
+    middle = torch.arange(S + 1, 2 * S - 1)[None]  # neighbours on both sides
+    assert torch.allclose(bounce.spread(column, *bounce.around(on, up, middle))[0, :, 0], middle[0] % S * 1.0)
+
+
+def test_across_a_fold_nothing_is_shared():
+    on = torch.ones(1, S * S, dtype=torch.bool)
+    left = (torch.arange(S * S) % S < S // 2)[None, :, None]
+    fold = torch.where(left, torch.tensor([0.6, 0, 0.8]), torch.tensor([-0.6, 0, 0.8]))
+    out = bounce.spread(left.float(), *bounce.around(on, fold, torch.arange(S * S)[None]))
+    assert torch.allclose(out, left.float(), atol=1e-3)

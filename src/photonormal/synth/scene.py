@@ -26,7 +26,7 @@ from photonormal.synth.trace import Geometry, Solid, View, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
 ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time: what a cache or a GPU holds
-PATCH, RECEIVER = 2, 2  # pixels between the samples that send and that receive bounced light
+PATCH = 2  # pixels between the samples that send bounced light
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def render(
     albedo = skins_albedo(skins, b)[:, None]  # (b, 1, 3, p)
     ambient = scenes.ambient.view(b, 1, 1, 1) * albedo * on[:, None, :, :p]
     cos_v = N[:, None, 2, :p]
-    bounced = _bounced(scenes, geometry, pixels, N[..., :p], recipe, shelf, seed) if reflecting else None
+    bounced = _bounced(scenes, geometry, pixels, recipe, shelf, seed) if reflecting else None
 
     few = max(1, ELEMENTS.get(pixels.device.type, 2**27) // every.numel())  # lights at a time
     visible = on.expand(-1, scenes.lights.shape[1], -1)
@@ -192,33 +192,31 @@ def _bounced(
     scenes: Scenes,
     geometry: Geometry,
     pixels: Int[Tensor, "b p"],
-    N: Float[Tensor, "b 3 p"],
     recipe: Recipe,
     shelf: Library | None,
     seed: int,
 ) -> Callable[[Tensor, Tensor], Tensor]:
     """From lights (b, n, 3) and how they light patches (b, n, q) to what pixels reflect (b, n, 3, p), over albedo.
 
-    Ways from the camera by receivers to what they see are found once, with how much of the light along each a receiver
+    Ways from the camera by pixels to what they see are found once, with how much of the light along each a pixel
     sends to the camera; what is seen reflects each light into them by its own material.
     """
     b, s, _ = geometry.mask.shape
-    grid = torch.arange(RECEIVER // 2, s, RECEIVER, device=pixels.device)
-    receivers = (grid[:, None] * s + grid).flatten()
-    on = geometry.mask.flatten(1)[:, receivers]
-    M = geometry.normals.flatten(2)[:, :, receivers].transpose(1, 2)
-    near = bounce.between(on, M, pixels, N.transpose(1, 2), s)
+    on = torch.zeros(b, s * s, dtype=torch.bool, device=pixels.device).scatter(1, pixels.long(), True)
+    on &= geometry.mask.flatten(1)
+    M = geometry.normals.flatten(2).transpose(1, 2)  # (b, s s, 3)
+    near = bounce.around(on, M, pixels)
     directions, density = bounce.rays(M, seed)
-    found = bounce.hits(geometry.height, geometry.mask, geometry.normals, receivers, directions)
-    met = (found >= 0).flatten(1)  # (b, r m)
+    found = bounce.hits(geometry.height, geometry.mask, geometry.normals, on, directions)
+    met = (found >= 0).flatten(1)  # (b, s s m)
     way = indices(met)  # (b, k)
     row = torch.where(found >= 0, (met.cumsum(1) - 1).view_as(found), -1)  # number of each ray among the ways
 
     def along(values: Tensor) -> Tensor:
         return values.flatten(1, 2).gather(1, way)
 
-    d = torch.stack([along(x) for x in directions.unbind(-1)], 1)  # (b, 3, k) from the receiver
-    here, there = receivers[way // bounce.RAYS], along(found).clamp(min=0)
+    d = torch.stack([along(x) for x in directions.unbind(-1)], 1)  # (b, 3, k) from a pixel
+    here, there = way // bounce.RAYS, along(found).clamp(min=0)
 
     def skins(pixel: Tensor) -> tuple[list[Skin], Tensor]:
         return dress(scenes.coats, at_points(geometry.points, pixel), shelf), at_points(geometry.normals, pixel)
@@ -238,7 +236,7 @@ def _bounced(
         cos_l = cosines(n.transpose(1, 2), D).transpose(1, 2)
         sent = radiance(coat, cos_l, cos_o, ((cos_l + cos_o) / lo).clamp(max=1), lo / 2)  # (b, n, 3, k)
         sent *= lit.gather(2, patch[:, None].expand(-1, lit.shape[1], -1))[:, :, None] * share[:, None]
-        values = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, r, n 3)
+        values = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, s s, n 3)
         return bounce.spread(values, *near).view(b, -1, lit.shape[1], 3).permute(0, 2, 3, 1)
 
     return reflected

@@ -32,6 +32,7 @@ NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
     lambda: awake(
         NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, attention=2, expected=True))
     ),
+    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, coarse=1, far=1))),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
 ]
@@ -112,8 +113,8 @@ def test_nothing_beyond_its_reach_changes_a_normal(make):
     torch.manual_seed(0)
     net = make().eval()
     side = 2 * net.reach + 8
-    images, lights, prior = observations(b=1, n=2, h=4, w=side)
-    other_images, _, other_prior = observations(b=1, n=2, h=4, w=side, seed=1)
+    images, lights, prior = observations(b=1, n=2, h=max(4, net.stride), w=side)
+    other_images, _, other_prior = observations(b=1, n=2, h=max(4, net.stride), w=side, seed=1)
     column = 4  # everything right of column + reach may change
     images2, prior2 = images.clone(), prior.clone()
     images2[..., column + net.reach :] = other_images[..., column + net.reach :]

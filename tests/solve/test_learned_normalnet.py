@@ -53,7 +53,7 @@ def test_what_is_added_to_trained_weights_changes_nothing_until_it_learns():
     images, lights, prior = pixels(side=8)
     torch.manual_seed(0)
     plain = NormalNet(NormalNetConfig(hidden=8, features=8, width=8))
-    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=1, attention=2))
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=1, far=1, attention=2))
     net.load_state_dict(net.state_dict() | plain.state_dict())
     once, twice = net(images, lights, prior, passes=2).chunk(2)
     torch.testing.assert_close(once[:, :3], plain(images, lights, prior))

@@ -31,6 +31,19 @@ def test_the_same_step_shows_the_same():
     )
 
 
+def test_all_processes_look_at_as_many_images_and_at_the_same_prior():
+    """The one with more to do would keep the others waiting."""
+    recipe = replace(PLAIN, priors=(("woodham", 0.5), ("l1", 0.5)))
+    for step in range(8):
+        one, other = (observe(batch(), recipe, "exposure", step, rank) for rank in (0, 1))
+        assert one.images.shape == other.images.shape
+    whole = replace(recipe, images=(8, 8))
+    for step in range(8):
+        one, other = (observe(batch(), whole, "exposure", step, rank) for rank in (0, 1))
+        apart = (one.prior * other.prior).sum(1)[one.mask[:, 0]]  # cosines; the images come in another order
+        assert apart.min() > 0.999
+
+
 def test_the_number_of_images_spans_its_range():
     seen = {observe(batch(), PLAIN, "exposure", step).images.shape[1] for step in range(60)}
     assert seen == {4, 5, 6, 7, 8}
@@ -57,7 +70,7 @@ def test_least_squares_prior_of_a_matt_scene_is_the_truth():
 
 
 def test_every_named_prior_is_made():
-    for name in ("woodham", "trimmed", "truth"):
+    for name in ("woodham", "trimmed", "l1", "truth"):
         seen = observe(batch(), replace(PLAIN, priors=((name, 1.0),)), "exposure", 0)
         length = seen.prior.norm(dim=1)
         torch.testing.assert_close(length, seen.mask[:, 0].float(), atol=1e-4, rtol=0)

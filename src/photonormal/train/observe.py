@@ -32,13 +32,16 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
     """What the network is shown of a rendered batch (images, lights, normals, mask).
 
     `vary` False, for validation: the first `recipe.images[1]` images as they are, the first of the recipe's priors.
+    All processes see as many images in a step, with the same prior, so that none waits for another.
     """
     images, lights, normals, mask = batch.images.nan_to_num(), batch.lights, batch.normals, batch.mask
+    common = torch.Generator().manual_seed(hash((recipe.seed, step)) % 2**62)
     draw = torch.Generator().manual_seed(hash((recipe.seed, step, rank)) % 2**62)
     n = images.shape[1]
+    name = drawn_prior(recipe, common, vary)
     if vary:
         low, high = (torch.tensor(float(min(k, n))).log() for k in recipe.images)
-        k = int((low + (high - low) * torch.rand((), generator=draw)).exp().round())
+        k = int((low + (high - low) * torch.rand((), generator=common)).exp().round())
         kept = torch.randperm(n, generator=draw)[:k].to(images.device)
         images, lights = images[:, kept], lights[:, kept]
         if recipe.turns:
@@ -47,7 +50,7 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
             )
     else:
         images, lights = images[:, : recipe.images[1]], lights[:, : recipe.images[1]]
-    prior = prior_normals(images, lights, normals, mask, recipe, draw, vary)
+    prior = prior_normals(name, images, lights, normals, mask, draw)
     moments = moment(scaling, images, mask)
     x = scaled(scaling, images, mask, moments, images.shape[1])
     if vary and scaling == "exposure":
@@ -56,14 +59,20 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
     return Observed(x, lights, prior, normals * mask, mask)
 
 
+def drawn_prior(recipe: Recipe, draw: torch.Generator, vary: bool) -> str:
+    """One of the recipe's priors; "" where it has none."""
+    if not recipe.priors:
+        return ""
+    shares = torch.tensor([share for _, share in recipe.priors])
+    return recipe.priors[int(torch.multinomial(shares, 1, generator=draw)) if vary else 0][0]
+
+
 def prior_normals(
-    images: Tensor, lights: Tensor, normals: Tensor, mask: Tensor, recipe: Recipe, draw: torch.Generator, vary: bool
+    name: str, images: Tensor, lights: Tensor, normals: Tensor, mask: Tensor, draw: torch.Generator
 ) -> Tensor:
     """Normals (b, 3, h, w) of a classical method from these very images, zero outside the mask."""
-    if not recipe.priors:
+    if not name:
         return torch.zeros_like(normals)
-    shares = torch.tensor([share for _, share in recipe.priors])
-    name = recipe.priors[int(torch.multinomial(shares, 1, generator=draw)) if vary else 0][0]
     if name == "truth":
         N = tilted(normals, draw)
     else:

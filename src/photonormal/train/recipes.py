@@ -111,16 +111,17 @@ CPU = replace(
 
 NORMALNET = Recipe(
     network="normalnet",
-    config={"expected": True, "memory": 32, "coarse": 2, "attention": 4},
+    config={"expected": True, "memory": 32, "coarse": 2, "far": 2, "attention": 4},
+    rendering={"crop": 64, "crops": 2},
     images=(4, 96),
-    batch=64,
+    batch=32,
     steps=100_000,
-    lr=1.5e-3,
+    lr=8e-4,
     schedule="cosine",
     warmup=500,
     clip=1.0,
     ema=0.999,
-    priors=(("trimmed", 0.4), ("woodham", 0.3), ("truth", 0.3)),
+    priors=(("trimmed", 0.35), ("woodham", 0.25), ("l1", 0.1), ("truth", 0.3)),
     passes=2,
     loss="chord",
     turns=True,
@@ -149,7 +150,7 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(4, 48), batch=16, reuse=4, lr=1e-3, warmup=200, validate=1000),
+    "normalnet-cpu": replace(NORMALNET, images=(4, 48), batch=8, reuse=4, lr=4e-4, warmup=200, validate=1000),
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -30,12 +31,11 @@ OBJECTS = ("ball", "bear", "cat", "reading")
 
 
 def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Recipe) -> dict[str, list]:
-    """The batches of every exam: fixed scenes, as many images as training has at most."""
+    """The batches of every exam: fixed scenes, windows as training has, as many images as it has at most."""
     n = recipe.images[1]
-    return {
-        kind: list(islice(stream("validation", recipe.batch, device, SEED, 0, lights=(n, n), **changes), BATCHES))
-        for kind, changes in EXAMS.items()
-    }
+    window = {k: v for k, v in recipe.rendering.items() if k in ("size", "crop", "crops")}
+    exam = partial(stream, "validation", recipe.batch, device, SEED, 0, lights=(n, n), **window)
+    return {kind: list(islice(exam(**changes), BATCHES)) for kind, changes in EXAMS.items()}
 
 
 def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:

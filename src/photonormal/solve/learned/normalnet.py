@@ -26,7 +26,11 @@ from photonormal.solve.learned.weights import load
 from photonormal.types import Capture, InputError, Normals
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
-ADDED = ("coarse.last.weight", "recall.weight", "heed.weight")  # start at zero: trained weights stay what they are
+ADDED = (  # start at zero: trained weights stay what they are
+    *("coarse.last.weight", "coarse.far.last.weight", "coarse.join.second.weight", "finish.second.weight"),
+    *("recall.weight", "heed.weight"),
+)
+FAR = 192  # channels at an eighth of the resolution
 WEIGHT = 4.0  # logarithm of the largest weight of an image in a weighted mean; the least is its inverse
 DOUBT = 32  # channels of the layer that tells the expected error
 LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
@@ -48,6 +52,7 @@ class NormalNetConfig:
     memory : channels that a pass hands to the next one beside its normals, for the encoder to look at each image
         with what was learned from the others
     coarse : layers at a quarter of the resolution, which see 20 pixels around; 0: none
+    far : residual blocks at an eighth of the resolution, two see 80 pixels around; 0: none; only with `coarse`
     attention : groups of features, each with a mean over the images weighted by a learned score beside the even one;
         after the first pass the scores know, by its memory, what the other images show; 0: none
     """
@@ -63,6 +68,7 @@ class NormalNetConfig:
     expected: bool = False
     memory: int = 0
     coarse: int = 0
+    far: int = 0
     attention: int = 0
 
 
@@ -89,9 +95,13 @@ class NormalNet(Network):
         self.config = c = config
         if c.tilt and not c.turn:
             raise InputError("tilt=True came with turn=False but a pixel is tilted after it is turned; set turn=True.")
-        self.reach = (2 * c.blocks or c.layers) + 1 + c.expected
+        if c.far and not c.coarse:
+            raise InputError(f"far={c.far} came with coarse=0 but what is far is seen through it; set coarse.")
+        self.reach = (2 * c.blocks or c.layers) + 1 + c.expected + 2 * (c.far > 0)
         if c.coarse:
-            self.stride, self.reach = 4, -(-(self.reach + 9 + 4 * c.coarse) // 4) * 4
+            self.stride = 8 if c.far else 4
+            self.reach += 9 + 4 * c.coarse + (28 + 16 * c.far if c.far else 0)
+            self.reach = -(-self.reach // self.stride) * self.stride
         self.memory = c.memory
         weighted = c.features + c.attention if c.attention else 0
         self.floats = 2 * c.features + weighted + 8 + c.memory + c.hidden * (c.memory > 0)
@@ -107,7 +117,9 @@ class NormalNet(Network):
         self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
         self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
         if c.coarse:
-            self.coarse = Coarse(c.width, c.coarse)
+            self.coarse = Coarse(c.width, c.coarse, c.far)
+        if c.far:
+            self.finish = Refine(c.width)
         if c.memory:
             self.remember = nn.Conv2d(c.width, c.memory, 1)
             self.recall = nn.Linear(c.memory, c.hidden, bias=False)
@@ -173,6 +185,8 @@ class NormalNet(Network):
         x = self.spatial(x)
         if self.config.coarse:
             x = self.coarse(x)
+        if self.config.far:
+            x = self.finish(x)
         correction = self.correction(x).float()
         if shared.tilted:
             n_x, n_y, n_z = correction.split(1, dim=1)
@@ -189,17 +203,43 @@ class NormalNet(Network):
         return torch.cat([N, (LEAST_DEG + self.doubt(seen).float().exp()).clamp(max=90)], dim=1)
 
 
-class Coarse(nn.Module):
-    """Adds what is seen at a quarter of the resolution."""
+class Refine(nn.Module):
+    """Adds what two layers find."""
 
-    def __init__(self, width: int, layers: int) -> None:
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first = conv(width, width)
+        self.second = nn.Conv2d(width, width, 3, padding=1)
+
+    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+        return x + self.second(self.first(x))
+
+
+class Far(nn.Module):
+    """Adds what is seen at half of the resolution of `x`."""
+
+    def __init__(self, width: int, blocks: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(Block(width, FAR, 2), *[Block(FAR, FAR) for _ in range(blocks)])
+        self.last = nn.Conv2d(FAR, width, 1, bias=False)
+
+    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+        return x + F.interpolate(self.last(self.layers(x)), scale_factor=2, mode="bilinear")
+
+
+class Coarse(nn.Module):
+    """Adds what is seen at a quarter of the resolution, and with `far` blocks at an eighth."""
+
+    def __init__(self, width: int, layers: int, far: int = 0) -> None:
         super().__init__()
         strides = [2, 2] + [1] * layers
         self.layers = nn.Sequential(*[conv(width, width, s) for s in strides])
+        self.far = Far(width, far) if far else nn.Identity()
+        self.join = Refine(width) if far else nn.Identity()
         self.last = nn.Conv2d(width, width, 1, bias=False)
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
-        y = self.last(self.layers(x))
+        y = self.last(self.join(self.far(self.layers(x))))
         return x + F.interpolate(y, scale_factor=4, mode="bilinear")
 
 

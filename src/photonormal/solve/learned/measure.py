@@ -77,15 +77,15 @@ def looked(
 ) -> Float[Tensor, "d h w"]:
     """All passes over all images, some tiles at a time: normals and expected errors of the box, on the processor."""
     N: Tensor | None = None
-    margin = passes * net.reach  # a pass reaches as far into what the pass before has found
+    margin = passes * net.reach  # a pass reaches as far into what the pass before has found, the last one once
     windows = box.windows(tile, margin)
     together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * margin) ** 2))  # tiles
     for first in range(0, len(windows), together):
         tiles = [Tile(net, box, look, w, L, rotations) for w in windows[first : first + together]]
         chunk = 1 if L.device.type == "cpu" else max(1, 2**21 // (tiles[0].mask.numel() * rotations))
-        for _ in range(passes):
+        for following in reversed(range(passes)):
             for t in tiles:
-                t.begin(L)
+                t.begin(L, (following + 1) * net.reach)
             for j, images in frames(capture, box, L.device, chunk):
                 for t in tiles:
                     t.add(images, L[j : j + images.shape[1]])
@@ -265,8 +265,16 @@ class Tile:
         self.turns = range(rotations)
         self.found = look.prior[:, *self.seen][None]  # (1, d, h, w), the last pass's, or the prior
 
-    def begin(self, L: Float[Tensor, "n 3 *hw"]) -> None:
-        """A pass over the images begins, from the normals, and the network's memory, of the last one."""
+    def begin(self, L: Float[Tensor, "n 3 *hw"], margin: int) -> None:
+        """A pass over the images begins, from the normals, and the network's memory, of the last one.
+
+        What is more than `margin` pixels away from the tile is seen no more.
+        """
+        near = [slice(max(s.start, c.start - margin), min(s.stop, c.stop + margin)) for c, s in self.sides()]
+        y, x = (slice(n.start - s.start, n.stop - s.start) for n, s in zip(near, self.seen, strict=True))
+        self.seen, self.mask, self.found = tuple(near), self.mask[..., y, x], self.found[..., y, x]
+        if self.moments.numel() > 1:
+            self.moments = self.moments[..., y, x]
         prior = self.found[:, : 3 + self.net.memory].to(L.device) * self.mask
         with inner_precision(L.device):
             self.shared = [
@@ -301,9 +309,13 @@ class Tile:
         total[:, 3:] /= len(self.turns)
         self.found = total
 
+    def sides(self) -> list[tuple[slice, slice]]:
+        """Rows, then columns: the tile's own, and those that it sees."""
+        return list(zip(self.core, self.seen, strict=True))
+
     def result(self) -> Float[Tensor, "d i j"]:
         """Normals, and expected errors if any, without the margins."""
-        y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in zip(self.core, self.seen, strict=True))
+        y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in self.sides())
         here = self.found[0, :, y, x]
         return torch.cat([here[:3], here[3 + self.net.memory :]])
 

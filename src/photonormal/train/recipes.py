@@ -154,7 +154,7 @@ RECIPES = {
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),
-        batch=16,
+        batch=4,
         reuse=2,
         steps=4000,
         warmup=50,

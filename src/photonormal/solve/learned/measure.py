@@ -77,7 +77,7 @@ def looked(
 ) -> Float[Tensor, "d h w"]:
     """All passes over all images, some tiles at a time: normals and expected errors of the box, on the processor."""
     N: Tensor | None = None
-    margin = passes * net.reach  # a pass reaches as far into what the pass before has found, the last one once
+    margin = passes * net.reach  # each pass reaches as far into what the pass before has found
     windows = box.windows(tile, margin)
     together = max(1, KEPT // (4 * net.floats * rotations * (tile + 2 * margin) ** 2))  # tiles
     for first in range(0, len(windows), together):

@@ -33,6 +33,7 @@ NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
         NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, attention=2, expected=True))
     ),
     lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, coarse=1, far=1))),
+    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, coarse=1, far=1, level=True, compass=True))),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
 ]

@@ -5,7 +5,7 @@ import torch
 from torch.nn import functional as F
 
 from photonormal.solve.learned.network import parameters
-from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig, tokens
+from photonormal.solve.learned.normalnet import Level, NormalNet, NormalNetConfig, tokens
 
 
 def pixels(b=3, n=9, side=6, seed=0):
@@ -18,7 +18,7 @@ def pixels(b=3, n=9, side=6, seed=0):
 
 
 def turned(v, degrees, axis):
-    a = torch.deg2rad(torch.tensor(degrees))
+    a = torch.deg2rad(torch.as_tensor(degrees))
     x, y, z = v.unbind(axis)
     return torch.stack([a.cos() * x - a.sin() * y, a.sin() * x + a.cos() * y, z], axis)
 
@@ -109,6 +109,27 @@ def test_each_pixel_turns_with_its_lights_and_prior(degrees, tilt):
         N, M = net(images, lights, prior), net(images, l, p)
     inside = (slice(None), slice(None), slice(4, None), slice(4, None))  # out of reach of the pixel without azimuth
     torch.testing.assert_close(turned(N, degrees, 1)[inside], M[inside], atol=1e-4, rtol=0)
+
+
+@pytest.mark.parametrize("compass", [False, True])
+def test_only_with_a_compass_neighbours_can_be_compared(compass):
+    """Each pixel turned by an angle of its own, prior and lights: a bump may become a hollow, and all tokens stay."""
+    images, lights, prior = pixels()
+    degrees = 360 * torch.rand(6, 6, generator=torch.Generator().manual_seed(1))
+    at = lights[..., None, None].expand(*lights.shape, 6, 6)
+    torch.manual_seed(0)
+    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, compass=compass))
+    torch.nn.init.normal_(net.correction.weight, std=0.1)
+    with torch.no_grad():
+        N, M = net(images, at, prior), net(images, turned(at, degrees, 2), turned(prior, degrees, 1))
+    apart = (turned(N, degrees, 1) - M).abs().max()
+    assert apart > 0.01 if compass else apart < 1e-4
+
+
+@pytest.mark.parametrize("scale", [0.1, 100.0])
+def test_levelled_features_have_one_size(scale):
+    x = scale * torch.randn(2, 8, 4, 4, generator=torch.Generator().manual_seed(0))
+    torch.testing.assert_close(Level()(x).square().mean(1), torch.ones(2, 4, 4), atol=1e-3, rtol=0)
 
 
 def test_tilted_every_prior_points_to_the_viewer():

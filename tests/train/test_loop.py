@@ -80,9 +80,22 @@ def test_resumed_training_gives_the_same_numbers(tmp_path):
     assert [e["mean_deg"] for e in a] == [e["mean_deg"] for e in b]
 
 
+def test_a_flat_training_made_longer_is_what_a_longer_one_would_have_been(tmp_path):
+    flat, longer, parts = replace(TINY, schedule="flat"), tmp_path / "longer", tmp_path / "parts"
+    run(longer, flat, steps=24)
+    run_steps(parts, 8, flat)  # of twelve: before its rate falls
+    run(parts, flat, resume=True, steps=24)
+    same(longer, parts)
+
+
 @pytest.mark.parametrize(
     "changes",
-    [{"loss": "chord"}, {"passes": 2}, {"passes": 2, "config": SMALL | {"memory": 4, "coarse": 1}}],
+    [
+        {"loss": "chord"},
+        {"passes": 2},
+        {"passes": 2, "config": SMALL | {"memory": 4, "coarse": 1}},
+        {"passes": 2, "once": 75, "config": SMALL | {"memory": 4, "coarse": 1}},
+    ],
     ids=str,
 )
 def test_other_ways_of_learning_are_better_than_the_prior_too(tmp_path, changes):
@@ -108,7 +121,7 @@ def test_a_chord_is_the_angle_where_it_is_small():
         mask = torch.zeros(1, 1, 1, 3, dtype=torch.bool)
         mask[..., i] = True
         seen = Observed(N, N, N, truth, mask)
-        found = float(loop.error(lambda images, *rest: images, seen, recipe, 0, Fabric))
+        found = float(loop.error(lambda images, *rest: images, seen, recipe, 0, 1, Fabric))
         chord = 2 * np.sin(np.radians(deg) / 2)
         assert found == pytest.approx(np.hypot(chord, loop.CLOSE) - loop.CLOSE, abs=1e-4)
 
@@ -141,7 +154,7 @@ def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
         run(tmp_path / "third", replace(TINY, config={"width": 16}), start_from=first)
 
 
-def run_steps(out, steps):
+def run_steps(out, steps, recipe=TINY):
     """Train until the checkpoint after `steps`, then stop without warning."""
 
     class Stopped(Exception):
@@ -155,7 +168,7 @@ def run_steps(out, steps):
                 yield batch
 
     with pytest.raises(Stopped):
-        loop.train(TINY, out, device="cpu", stream=Broken, save_seconds=0)
+        loop.train(recipe, out, device="cpu", stream=Broken, save_seconds=0)
 
 
 def test_killed_training_resumes(tmp_path):
@@ -258,13 +271,16 @@ mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // wo
 batch = Batch(*(x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)))
 recipe = Recipe(images=(5, 5))
 seen = observe(batch, recipe, net.scaling, 0, vary=False)
-loss = loop.error(model, seen, recipe, 0, fabric)
+loss = loop.error(model, seen, recipe, 0, 1, fabric)
 fabric.backward(loss)
 if fabric.global_rank == 0:
     torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")
 if world == 2:
     recipe = Recipe(config={"width": 8}, images=(5, 5), batch=4, steps=3)
     loop.train(recipe, out + "/ddp", device="cpu", stream=Toy)
+    config = {"hidden": 16, "features": 16, "width": 16, "memory": 4}  # the memory is used from the second pass on
+    recipe = Recipe(network="normalnet", config=config, images=(5, 5), batch=4, steps=4, passes=2, once=2)
+    loop.train(recipe, out + "/once", device="cpu", stream=Toy)
 """
 
 
@@ -286,6 +302,7 @@ def test_two_processes_have_the_gradient_of_one_with_the_double_batch(tmp_path):
     for k in one:
         torch.testing.assert_close(one[k], two[k], atol=1e-6, rtol=1e-4)
     assert (tmp_path / "ddp" / "lambertian-prior.safetensors").exists()
+    assert (tmp_path / "once" / "normalnet.safetensors").exists()
 
 
 def test_a_batch_without_a_finite_gradient_teaches_nothing(tmp_path, monkeypatch):

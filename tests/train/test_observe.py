@@ -96,9 +96,9 @@ def test_every_recipe_builds_its_network_and_has_a_falling_rate(name):
 
     r = recipe(name)
     build(r.network, r.config)
-    rates = [r.rate(r.warmup + i, i / 100) for i in range(100)]
-    assert rates == sorted(rates, reverse=True)
-    assert rates[0] == r.lr and rates[-1] < 0.02 * r.lr + 1e-4
+    shares = [r.share(r.warmup + i, i / 100) for i in range(101)]
+    assert shares == sorted(shares, reverse=True)
+    assert shares[0] == 1 and shares[-1] <= 0.04
     assert bool(r.priors) == bool(build(r.network, r.config).config.prior)
 
 

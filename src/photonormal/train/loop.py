@@ -26,6 +26,7 @@ from photonormal.train import checkpoint, recipes
 from photonormal.train.card import device_name, export
 from photonormal.train.journal import Journal
 from photonormal.train.observe import Observed, observe
+from photonormal.train.optimiser import Optimiser
 from photonormal.train.recipes import Recipe
 from photonormal.train.replay import replayed
 from photonormal.train.validate import examined, on_real, on_rendered
@@ -78,7 +79,7 @@ def train(
     recipe = recipe if seed is None else replace(recipe, seed=seed)
     out, steps = Path(out), steps or recipe.steps
     keep_freed_memory()
-    fabric = launched(device)
+    fabric = launched(device, changing=recipe.once > 0)
     rank, world = fabric.global_rank, fabric.world_size
     if recipe.batch % world:
         raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
@@ -96,10 +97,8 @@ def train(
     if state:
         net.load_state_dict(state["network"])
         mean = state["mean"]
-    optimiser = torch.optim.Adam(
-        [p for p in net.parameters() if p.requires_grad], lr=recipe.lr, fused=fabric.device.type == "cuda"
-    )
-    model, optimiser = fabric.setup(net, optimiser)
+    model = fabric.setup_module(net)
+    optimiser = Optimiser(net, recipe)
     if state:
         optimiser.load_state_dict(state["optimiser"])
     mean = {k: v.to(fabric.device) for k, v in mean.items()}
@@ -144,24 +143,21 @@ def train(
         fraction = max(step / steps, spent / minutes if minutes else 0.0)
         if fraction >= 1:
             break
-        lr = recipe.rate(step, fraction)
-        for group in optimiser.param_groups:
-            group["lr"] = lr
+        share = recipe.share(step, fraction)
         seen = observe(next(batches), recipe, net.scaling, step, rank)
-        loss = error(model, seen, recipe, net.memory, fabric)
-        optimiser.zero_grad()
+        loss = error(model, seen, recipe, net.memory, 1 if step < recipe.once else recipe.passes, fabric)
+        net.zero_grad()
         fabric.backward(loss)
         finite = True
         if recipe.clip:
-            norm = fabric.clip_gradients(model, optimiser, max_norm=recipe.clip, error_if_nonfinite=False)
-            finite = bool(norm.isfinite())
+            finite = bool(torch.nn.utils.clip_grad_norm_(net.parameters(), recipe.clip).isfinite())
         if finite:  # else this batch teaches nothing
-            optimiser.step()
+            optimiser.step(share)
         if recipe.ema:
             follow(mean, net, min(recipe.ema, (1 + step) / (10 + step)))
         step += 1
         if journal:
-            journal.step(step, fraction, loss.detach(), lr, recipe.batch)
+            journal.step(step, fraction, loss.detach(), share * recipe.lr, recipe.batch)
             finish_step(last=False)
     path = out / f"{name}.safetensors"
     if journal:
@@ -185,9 +181,8 @@ def train(
     return path
 
 
-def error(model: Any, seen: Observed, recipe: Recipe, memory: int, fabric: Any) -> torch.Tensor:
+def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, fabric: Any) -> torch.Tensor:
     """Mean loss over the mask's pixels; its mean over the processes is the mean over all their pixels."""
-    passes = recipe.passes
     found = model(seen.images, seen.lights, seen.prior, passes)  # (passes b, d, h, w)
     truth, mask = seen.normals.repeat(passes, 1, 1, 1), seen.mask.repeat(passes, 1, 1, 1)
     e = 1 - (found[:, :3] * truth).sum(1)  # (passes b, h, w)
@@ -201,8 +196,11 @@ def error(model: Any, seen: Observed, recipe: Recipe, memory: int, fabric: Any) 
     return (e * mask[:, 0]).sum() / pixels
 
 
-def launched(device: str) -> Any:
-    """Fabric on one device, or on torchrun's processes, with bf16 inside the network where that pays."""
+def launched(device: str, changing: bool = False) -> Any:
+    """Fabric on one device, or on torchrun's processes, with bf16 inside the network where that pays.
+
+    `changing` where not every step uses all parts of the network.
+    """
     try:
         from lightning_fabric import Fabric
     except ImportError:
@@ -219,7 +217,7 @@ def launched(device: str) -> Any:
         accelerator=kind,
         devices=processes,
         num_nodes=nodes,
-        strategy="ddp" if processes * nodes > 1 else "auto",
+        strategy=("ddp_find_unused_parameters_true" if changing else "ddp") if processes * nodes > 1 else "auto",
         precision="bf16-mixed" if bf16_pays(kind) else "32-true",
     )
     fabric.launch()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, field, replace
+from math import cos, pi
 from typing import Any
 
 from photonormal.types import InputError
+
+FALL = 0.25  # share of a flat training in which its rate falls
 
 
 @dataclass(frozen=True)
@@ -21,14 +24,17 @@ class Recipe:
     images : fewest and most images of a sample; one number per batch, log-uniform between them
     batch : samples in a step, over all processes together
     steps : length of the training, where no `minutes` shorten it
-    lr, schedule, warmup : peak rate; "halving" (`pieces` of equal length, each at half the rate of the one before) or
-        "cosine" (down to 1 %); steps of linear rise before
+    lr, schedule, warmup : peak rate; "halving" (`pieces` of equal length, each at half the rate of the one before),
+        "cosine" or "flat" (the peak, but a straight fall over the last quarter), both down to 1 %; steps of linear
+        rise before. A flat training can be made longer, before its fall, and is what a longer one would have been
+    muon : peak rate of the weight matrices, which Muon then moves (`train.optimiser`); 0: Adam moves all
     clip : largest norm of the gradient; 0: any
     ema : share of the past that the running mean of the weights keeps at each step; 0: none. Where there is one, it is
         what validation measures and the weights file holds
     priors : names of classical methods and their shares of the batches; "truth": the truth tilted by up to 30 degrees
     passes : how often the network looks at a batch, its own normals being the prior from the second time on; all
         passes are in the loss
+    once : first steps, in which it looks but once, for half the work
     loss : "cosine" (1 - cos, the paper's) or "chord" (|n - n'|: about the angle itself, so that a few hopeless pixels
         do not outweigh all others)
     learn : the part of the network that learns, by the first letters of its parameters' names; "": all
@@ -51,10 +57,12 @@ class Recipe:
     schedule: str = "halving"
     pieces: int = 8
     warmup: int = 0
+    muon: float = 0.0
     clip: float = 0.0
     ema: float = 0.0
     priors: tuple[tuple[str, float], ...] = (("woodham", 1.0),)
     passes: int = 1
+    once: int = 0
     loss: str = "cosine"
     learn: str = ""
     gain: tuple[float, float] = (0.5, 2.0)
@@ -65,19 +73,19 @@ class Recipe:
     def __post_init__(self) -> None:
         if not 1 <= self.images[0] <= self.images[1]:
             raise InputError(f"images {self.images} came but (fewest, most) is needed, at least 1 each.")
-        if self.schedule not in ("halving", "cosine"):
-            raise InputError(f"no schedule {self.schedule!r}; choose halving or cosine.")
+        if self.schedule not in ("halving", "cosine", "flat"):
+            raise InputError(f"no schedule {self.schedule!r}; choose halving, cosine or flat.")
         if self.loss not in ("cosine", "chord"):
             raise InputError(f"no loss {self.loss!r}; choose cosine or chord.")
 
-    def rate(self, step: int, fraction: float) -> float:
-        """Learning rate of a step, when `fraction` of the training, [0, 1), is done."""
-        from math import cos, pi
-
+    def share(self, step: int, fraction: float) -> float:
+        """Share of the peak rate at a step, when `fraction` of the training, [0, 1), is done."""
         rise = min(1.0, (step + 1) / self.warmup) if self.warmup else 1.0
+        left = 1 - min(fraction, 1.0)
         if self.schedule == "halving":
-            return self.lr * rise * 0.5 ** int(self.pieces * min(fraction, 1 - 1e-9))
-        return self.lr * rise * (0.01 + 0.99 * (1 + cos(pi * min(fraction, 1.0))) / 2)
+            return rise * 0.5 ** int(self.pieces * min(fraction, 1 - 1e-9))
+        fall = min(1.0, left / FALL) if self.schedule == "flat" else (1 - cos(pi * left)) / 2
+        return rise * (0.01 + 0.99 * fall)
 
     def as_dict(self) -> dict[str, Any]:
         """The fields, as JSON has them."""
@@ -111,14 +119,15 @@ CPU = replace(
 
 NORMALNET = Recipe(
     network="normalnet",
-    config={"expected": True, "memory": 32, "coarse": 2, "far": 2, "attention": 4},
+    config={"expected": True, "memory": 32, "coarse": 2, "far": 2, "attention": 4, "level": True, "compass": True},
     rendering={"crop": 64, "crops": 2},
     images=(4, 96),
     batch=32,
     steps=100_000,
-    lr=8e-4,
-    schedule="cosine",
-    warmup=500,
+    lr=1e-3,
+    schedule="flat",
+    warmup=100,
+    muon=0.02,
     clip=1.0,
     ema=0.999,
     priors=(("trimmed", 0.35), ("woodham", 0.25), ("l1", 0.1), ("truth", 0.3)),
@@ -150,7 +159,7 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(4, 48), batch=8, reuse=4, lr=4e-4, warmup=200, validate=1000),
+    "normalnet-cpu": replace(NORMALNET, images=(4, 48), batch=8, reuse=2, once=3000, validate=3000),
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),

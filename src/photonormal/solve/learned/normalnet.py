@@ -30,8 +30,10 @@ ADDED = (  # start at zero: trained weights stay what they are
     *("coarse.last.weight", "coarse.far.last.weight", "coarse.join.second.weight", "finish.second.weight"),
     *("recall.weight", "heed.weight"),
 )
+TOLD = ("correction.weight", "polish.2.weight")  # start near zero: what the network returns is its prior
 FAR = 192  # channels at an eighth of the resolution
 WEIGHT = 4.0  # logarithm of the largest weight of an image in a weighted mean; the least is its inverse
+POLISH = 64  # channels of the layers that correct the normals in the picture's axes
 DOUBT = 32  # channels of the layer that tells the expected error
 LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
 
@@ -55,6 +57,9 @@ class NormalNetConfig:
     far : residual blocks at an eighth of the resolution, two see 80 pixels around; 0: none; only with `coarse`
     attention : groups of features, each with a mean over the images weighted by a learned score beside the even one;
         after the first pass the scores know, by its memory, what the other images show; 0: none
+    compass : tell the layers that look around where each prior points in the picture, not only how it slants, so that
+        neighbours can be compared (a bump from a hollow); and polish the normals in the picture's axes
+    level : bring a pixel's features to one root mean square wherever the network begins to look around
     """
 
     prior: str = "trimmed"
@@ -70,6 +75,8 @@ class NormalNetConfig:
     coarse: int = 0
     far: int = 0
     attention: int = 0
+    level: bool = False
+    compass: bool = False
 
 
 class Shared(NamedTuple):
@@ -97,7 +104,7 @@ class NormalNet(Network):
             raise InputError("tilt=True came with turn=False but a pixel is tilted after it is turned; set turn=True.")
         if c.far and not c.coarse:
             raise InputError(f"far={c.far} came with coarse=0 but what is far is seen through it; set coarse.")
-        self.reach = (2 * c.blocks or c.layers) + 1 + c.expected + 2 * (c.far > 0)
+        self.reach = (2 * c.blocks or c.layers) + 1 + max(c.expected, 3 * c.compass) + 2 * (c.far > 0)
         if c.coarse:
             self.stride = 8 if c.far else 4
             self.reach += 9 + 4 * c.coarse + (28 + 16 * c.far if c.far else 0)
@@ -109,17 +116,22 @@ class NormalNet(Network):
         self.encoder = nn.Sequential(
             nn.Linear(TOKENS, c.hidden), act, nn.Linear(c.hidden, c.hidden), act, nn.Linear(c.hidden, c.features), act
         )
-        self.fuse = nn.Sequential(nn.Linear(2 * c.features + 3, c.width), act)
+        self.fuse = nn.Sequential(nn.Linear(2 * c.features + 3 + 2 * c.compass, c.width), act)
         if c.attention:
             self.score = nn.Linear(c.features, c.attention)
             self.heed = nn.Linear(c.features, c.width, bias=False)
+        self.level = Level() if c.level else nn.Identity()
         layer, count = (Block, c.blocks) if c.blocks else (conv, c.layers)
         self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
         self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
         if c.coarse:
-            self.coarse = Coarse(c.width, c.coarse, c.far)
+            self.coarse = Coarse(c.width, c.coarse, c.far, self.level)
         if c.far:
-            self.finish = Refine(c.width)
+            self.finish = Refine(c.width, self.level)
+        if c.compass:
+            self.polish = nn.Sequential(
+                conv(c.width + 3, POLISH), conv(POLISH, POLISH), nn.Conv2d(POLISH, 3, 3, padding=1)
+            )
         if c.memory:
             self.remember = nn.Conv2d(c.width, c.memory, 1)
             self.recall = nn.Linear(c.memory, c.hidden, bias=False)
@@ -132,10 +144,11 @@ class NormalNet(Network):
                     nn.init.zeros_(module.bias)
             if isinstance(module, Block):  # a branch starts small beside its shortcut
                 module.second.weight.data.mul_(0.3)
-        nn.init.normal_(self.correction.weight, std=1e-3)
         for key, p in self.named_parameters():
             if key in ADDED:
                 nn.init.zeros_(p)
+            if key in TOLD:
+                nn.init.normal_(p, std=1e-3)
 
     def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
         prior, memory = prior[:, :3], prior[:, 3:]
@@ -175,25 +188,30 @@ class NormalNet(Network):
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
         frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
         mean = (pooled.total / n).to(pooled.maximum.dtype)
-        x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3)
+        if self.config.compass:
+            frame = torch.cat([frame, c * nx - s * ny, s * nx + c * ny], dim=1)  # x and y in the picture's axes
+        x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3..)
         x = self.fuse[0](x)
         if pooled.weighted is not None and pooled.weights is not None:
             groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)
             means = groups / pooled.weights[..., None]
             x = x + self.heed(means.flatten(-2).to(mean.dtype))
-        x = self.fuse[1](x).permute(0, 3, 1, 2)  # channels last in memory
+        x = self.level(self.fuse[1](x).permute(0, 3, 1, 2))  # channels last in memory
         x = self.spatial(x)
         if self.config.coarse:
             x = self.coarse(x)
         if self.config.far:
             x = self.finish(x)
+        x = self.level(x)
         correction = self.correction(x).float()
         if shared.tilted:
             n_x, n_y, n_z = correction.split(1, dim=1)
             n_x, n_z = nz * n_x + nx * (1 + n_z), nz * (1 + n_z) - nx * n_x
         else:
-            n_x, n_y, n_z = (frame + correction).split(1, dim=1)
+            n_x, n_y, n_z = (frame[:, :3] + correction).split(1, dim=1)
         N = F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
+        if self.config.compass:
+            N = F.normalize(N + self.polish(torch.cat([x, N.to(x.dtype)], dim=1)).float(), dim=1)
         if self.config.memory:
             N = torch.cat([N, self.remember(x).float()], dim=1)
         if not self.config.expected:
@@ -203,43 +221,54 @@ class NormalNet(Network):
         return torch.cat([N, (LEAST_DEG + self.doubt(seen).float().exp()).clamp(max=90)], dim=1)
 
 
+class Level(nn.Module):
+    """Each pixel's features over their root mean square: layers learn at high rates whatever came before them."""
+
+    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
+        return F.rms_norm(x.permute(0, 2, 3, 1), (x.shape[1],)).permute(0, 3, 1, 2)
+
+
 class Refine(nn.Module):
     """Adds what two layers find."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, level: nn.Module) -> None:
         super().__init__()
+        self.level = level
         self.first = conv(width, width)
         self.second = nn.Conv2d(width, width, 3, padding=1)
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
-        return x + self.second(self.first(x))
+        return x + self.second(self.first(self.level(x)))
 
 
 class Far(nn.Module):
     """Adds what is seen at half of the resolution of `x`."""
 
-    def __init__(self, width: int, blocks: int) -> None:
+    def __init__(self, width: int, blocks: int, level: nn.Module) -> None:
         super().__init__()
+        self.level = level
         self.layers = nn.Sequential(Block(width, FAR, 2), *[Block(FAR, FAR) for _ in range(blocks)])
         self.last = nn.Conv2d(FAR, width, 1, bias=False)
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
-        return x + F.interpolate(self.last(self.layers(x)), scale_factor=2, mode="bilinear")
+        y = self.level(self.layers(self.level(x)))
+        return x + F.interpolate(self.last(y), scale_factor=2, mode="bilinear")
 
 
 class Coarse(nn.Module):
     """Adds what is seen at a quarter of the resolution, and with `far` blocks at an eighth."""
 
-    def __init__(self, width: int, layers: int, far: int = 0) -> None:
+    def __init__(self, width: int, layers: int, far: int, level: nn.Module) -> None:
         super().__init__()
+        self.level = level
         strides = [2, 2] + [1] * layers
         self.layers = nn.Sequential(*[conv(width, width, s) for s in strides])
-        self.far = Far(width, far) if far else nn.Identity()
-        self.join = Refine(width) if far else nn.Identity()
+        self.far = Far(width, far, level) if far else nn.Identity()
+        self.join = Refine(width, level) if far else nn.Identity()
         self.last = nn.Conv2d(width, width, 1, bias=False)
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
-        y = self.last(self.join(self.far(self.layers(x))))
+        y = self.last(self.level(self.join(self.far(self.layers(self.level(x))))))
         return x + F.interpolate(y, scale_factor=4, mode="bilinear")
 
 

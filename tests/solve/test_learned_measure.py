@@ -50,7 +50,7 @@ def network(kind, seed=0):
 
 MORE: dict = {
     "normalnet-full": {"memory": 4, "coarse": 1, "attention": 2, "expected": True},
-    "normalnet-far": {"coarse": 1, "far": 1},
+    "normalnet-far": {"coarse": 1, "far": 1, "level": True, "compass": True},
 }
 KINDS = ["lambertian-prior", "normalnet", *MORE, "psfcn", "psfcn-normalised"]
 PASSES = {"normalnet-full": 2}  # of the kinds that have learned more than one
@@ -84,6 +84,22 @@ def test_tiles_in_several_passes_agree_with_one(monkeypatch):
     whole = measure(net, capture, CPU, tile=60)
     monkeypatch.setattr(module, "KEPT", 1)
     assert apart_deg(whole, measure(net, capture, CPU, tile=60)) < 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("near", [False, True])
+def test_rows_encoded_apart_agree_with_all_at_once(kind, near, monkeypatch):
+    capture, _ = sphere(n=4)
+    if near:  # lights that differ from pixel to pixel
+        at = (
+            np.repeat(capture.lights[None], capture.mask.sum(), axis=0)
+            + np.linspace(0, 0.3, capture.mask.sum())[:, None, None]
+        )
+        capture = replace(capture, lights_at=(at / np.linalg.norm(at, axis=-1, keepdims=True)).astype(np.float32))
+    net, passes = network(kind), PASSES.get(kind, 1)
+    whole = measure(net, capture, CPU, rotations=4, passes=passes)
+    monkeypatch.setattr(module, "PART", 500)  # seven rows
+    assert apart_deg(whole, measure(net, capture, CPU, rotations=4, passes=passes)) < 0.01
 
 
 @pytest.mark.parametrize("kind", KINDS)

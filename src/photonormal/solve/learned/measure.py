@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 
 KEPT = 2**29  # bytes of features kept between images, unless one tile alone needs more
 PRIOR = 2**26  # grey levels that a prior other than least squares looks at in one pass over the images
+PART = 2**13  # pixels of an image that a processor encodes at a time
 AHEAD = 2**22  # pixels of a frame up to which the next one is decoded while this one is computed
 
 
@@ -280,16 +281,18 @@ class Tile:
             self.shared = [
                 self.net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), self.lights(L, r)) for r in self.turns
             ]
-        self.pooled: list[Pooled | None] = [None] * len(self.turns)
+        self.pooled: list[list[Pooled]] = [[] for _ in self.turns]  # of each turn, one part below the other
 
     def add(self, images: Float[Tensor, "1 k c h w"], L: Float[Tensor, "k 3 *hw"]) -> None:
         """Look at k images of the box under the lights `L`."""
         images = scaled(self.net.scaling, images[..., *self.seen], self.mask, self.moments, self.n)
         for r in self.turns:
-            with inner_precision(L.device):
-                new = self.net.encode(torch.rot90(images, r, (3, 4)), self.lights(L, r), self.shared[r])
-            old = self.pooled[r]
-            self.pooled[r] = new if old is None else old.merged(new)
+            seen, lights, pooled = torch.rot90(images, r, (3, 4)), self.lights(L, r), self.pooled[r]
+            for i, new in enumerate(encoded(self.net, seen, lights, self.shared[r])):
+                if i < len(pooled):
+                    pooled[i].merged(new)
+                else:
+                    pooled.append(new)
 
     def lights(self, L: Float[Tensor, "k 3 *hw"], r: int) -> Float[Tensor, "1 k 3 *ij"]:
         """Lights as this tile sees them after `r` quarter turns."""
@@ -300,10 +303,10 @@ class Tile:
         """Every image has been seen: decode them all, the mean over all turns."""
         total = torch.zeros(1)
         for r in self.turns:
-            pooled = self.pooled[r]
-            assert pooled is not None
+            pooled, self.pooled[r] = Pooled.stacked(self.pooled[r]), []
             with inner_precision(self.mask.device):
                 found = self.net.decode(pooled, self.n, self.shared[r]).float()
+            del pooled
             total = total + torch.rot90(turned(found, -r, 1), -r, (2, 3)).cpu()
         total[:, :3] = torch.nn.functional.normalize(total[:, :3], dim=1)
         total[:, 3:] /= len(self.turns)
@@ -318,6 +321,20 @@ class Tile:
         y, x = (slice(c.start - s.start, c.stop - s.start) for c, s in self.sides())
         here = self.found[0, :, y, x]
         return torch.cat([here[:3], here[3 + self.net.memory :]])
+
+
+def encoded(
+    net: Network, images: Float[Tensor, "1 k c h w"], lights: Float[Tensor, "1 k 3 *hw"], shared: Any
+) -> Iterator[Pooled]:
+    """Pooled features, on a processor a few rows at a time where that is the same: what is small is soon reused."""
+    h, w = images.shape[3:]
+    whole = images.device.type != "cpu" or not net.pointwise
+    step = h if whole else max(1, PART // w)
+    for y in range(0, h, step):
+        some = slice(y, y + step)
+        L = lights if lights.ndim == 3 else lights[..., some, :]
+        with inner_precision(images.device):
+            yield net.encode(images[..., some, :], L, shared if whole else shared.rows(some))
 
 
 def turned(v: Tensor, quarters: int, axis: int) -> Tensor:

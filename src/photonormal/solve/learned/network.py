@@ -30,6 +30,7 @@ class Network(nn.Module, ABC):
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
     floats : numbers per pixel kept between images while measuring (pooled and shared features)
+    pointwise : whether `encode` sees each pixel by itself; what `begin` gives then has `rows(some)`
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     Config : the frozen dataclass that `config` is one of
     config : what builds the network again; its field `prior` names a classical method, or is ""
@@ -40,6 +41,7 @@ class Network(nn.Module, ABC):
     stride: int
     reach: int
     floats: int
+    pointwise: bool = False
     memory: int = 0
     config: Any
 

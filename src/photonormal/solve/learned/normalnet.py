@@ -89,6 +89,12 @@ class Shared(NamedTuple):
     recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
     tilted: bool = False  # whether a pixel's z is its prior instead of the view axis
 
+    def rows(self, some: slice) -> Shared:
+        """The same of some rows of pixels."""
+        azimuth, slant = (tuple(v[:, :, some] for v in pair) for pair in (self.azimuth, self.slant))
+        recalled = None if self.recalled is None else self.recalled[:, some]
+        return Shared(azimuth, slant, self.y[:, :, some], self.shading[:, :, some], recalled, self.tilted)
+
 
 class NormalNet(Network):
     """Grey images (b, n, 1, h, w) over their root mean square, lights (b, n, 3), prior (b, 3, h, w) to unit normals."""
@@ -96,6 +102,7 @@ class NormalNet(Network):
     Config: ClassVar[type] = NormalNetConfig
     scaling = "grey"
     stride = 1
+    pointwise = True
 
     def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
         super().__init__()

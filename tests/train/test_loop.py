@@ -217,7 +217,7 @@ def test_minutes_end_a_training_annealed(tmp_path, monkeypatch):
     rates = [e["lr"] for e in journal(tmp_path) if e["kind"] == "train"]
     state = torch.load(tmp_path / checkpoint.NAME, weights_only=True)
     assert state["step"] < 10**6
-    assert state["optimiser"]["param_groups"][0]["lr"] < 0.1 * rates[0]
+    assert state["optimiser"]["0"]["param_groups"][0]["lr"] < 0.1 * rates[0]
 
 
 def test_what_is_there_is_not_overwritten(tmp_path):

@@ -195,9 +195,10 @@ class NormalNet(Network):
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
         frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
         mean = (pooled.total / n).to(pooled.maximum.dtype)
+        known = frame
         if self.config.compass:
-            frame = torch.cat([frame, c * nx - s * ny, s * nx + c * ny], dim=1)  # x and y in the picture's axes
-        x = torch.cat([pooled.maximum, mean, frame.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, 2 f + 3..)
+            known = torch.cat([frame, c * nx - s * ny, s * nx + c * ny], dim=1)  # x and y in the picture's axes
+        x = torch.cat([pooled.maximum, mean, known.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, features)
         x = self.fuse[0](x)
         if pooled.weighted is not None and pooled.weights is not None:
             groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)
@@ -215,7 +216,7 @@ class NormalNet(Network):
             n_x, n_y, n_z = correction.split(1, dim=1)
             n_x, n_z = nz * n_x + nx * (1 + n_z), nz * (1 + n_z) - nx * n_x
         else:
-            n_x, n_y, n_z = (frame[:, :3] + correction).split(1, dim=1)
+            n_x, n_y, n_z = (frame + correction).split(1, dim=1)
         N = F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
         if self.config.compass:
             N = F.normalize(N + self.polish(torch.cat([x, N.to(x.dtype)], dim=1)).float(), dim=1)

@@ -11,7 +11,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -228,7 +228,12 @@ def begin(net: Network, begun: Network) -> None:
     """Copy the weights of a trained network into a new one; what the new one has besides stays random."""
     weights, new = begun.state_dict(), net.state_dict()
     if any(k not in new or new[k].shape != v.shape for k, v in weights.items()):
-        raise InputError(f"weights to start from are for {begun.config} but the recipe has {net.config}.")
+        theirs, ours = asdict(begun.config), asdict(net.config)
+        has, needed = (", ".join(f"{k}={c[k]!r}" for k in ours if theirs[k] != ours[k]) for c in (theirs, ours))
+        raise InputError(
+            f"weights to start from have {has} but the recipe has {needed}; "
+            "give weights that this recipe trained, or start without any."
+        )
     net.load_state_dict(new | weights)
 
 

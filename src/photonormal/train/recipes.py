@@ -120,7 +120,8 @@ CPU = replace(
 NORMALNET = Recipe(
     network="normalnet",
     config={"expected": True, "memory": 32, "coarse": 2, "far": 2, "attention": 4, "level": True, "compass": True},
-    rendering={"crop": 64, "crops": 2},
+    rendering={"crop": 64, "crops": 2, "scenes": 64},
+    reuse=4,
     images=(4, 96),
     batch=32,
     steps=100_000,
@@ -129,9 +130,9 @@ NORMALNET = Recipe(
     warmup=100,
     muon=0.02,
     clip=1.0,
-    ema=0.999,
     priors=(("trimmed", 0.35), ("woodham", 0.25), ("l1", 0.1), ("truth", 0.3)),
     passes=2,
+    once=1500,
     loss="chord",
     turns=True,
 )
@@ -159,7 +160,16 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(NORMALNET, images=(4, 48), batch=8, reuse=2, once=3000, validate=3000),
+    "normalnet-cpu": replace(
+        NORMALNET,
+        rendering={"crop": 64, "crops": 2},
+        images=(4, 48),
+        batch=8,
+        reuse=2,
+        ema=0.999,
+        once=3000,
+        validate=3000,
+    ),
     "normalnet-expected": replace(
         NORMALNET,
         images=(4, 64),

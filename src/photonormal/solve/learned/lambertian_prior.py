@@ -131,8 +131,8 @@ class LambertianPriorNet(Network):
                 x = scale(torch.cat([x, image], dim=1))
         return Pooled(over_images(x, k))
 
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        x = pooled.maximum
+    def look(self, digested: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        x = digested.maximum
         if self.prior is not None and not self.config.exchange:  # the maximum of what is the same in all images
             x = torch.cat([shared.features, x], dim=1)
         return self.regressor(x, shared.prior)

@@ -303,14 +303,25 @@ class Tile:
         """Every image has been seen: decode them all, the mean over all turns."""
         total = torch.zeros(1)
         for r in self.turns:
-            pooled, self.pooled[r] = Pooled.stacked(self.pooled[r]), []
             with inner_precision(self.mask.device):
-                found = self.net.decode(pooled, self.n, self.shared[r]).float()
-            del pooled
+                found = self.net.look(self.digested(r), self.n, self.shared[r]).float()
             total = total + torch.rot90(turned(found, -r, 1), -r, (2, 3)).cpu()
         total[:, :3] = torch.nn.functional.normalize(total[:, :3], dim=1)
         total[:, 3:] /= len(self.turns)
         self.found = total
+
+    def digested(self, r: int) -> Any:
+        """What the network digests of all images in a turn, part by part; what was pooled is then forgotten."""
+        parts, shared = self.pooled[r], self.shared[r]
+        if len(parts) == 1:
+            return self.net.digest(parts.pop(), self.n, shared)
+        rows, y = [], 0
+        while parts:
+            part = parts.pop(0)
+            h = part.maximum.shape[1]
+            rows.append(self.net.digest(part, self.n, shared.rows(slice(y, y + h))))
+            y += h
+        return torch.cat(rows, dim=1)
 
     def sides(self) -> list[tuple[slice, slice]]:
         """Rows, then columns: the tile's own, and those that it sees."""

@@ -30,7 +30,7 @@ class Network(nn.Module, ABC):
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
     floats : numbers per pixel kept between images while measuring (pooled and shared features)
-    pointwise : whether `encode` sees each pixel by itself; what `begin` gives then has `rows(some)`
+    pointwise : whether `encode` and `digest` see each pixel by itself; what `begin` gives then has `rows(some)`
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     Config : the frozen dataclass that `config` is one of
     config : what builds the network again; its field `prior` names a classical method, or is ""
@@ -56,9 +56,17 @@ class Network(nn.Module, ABC):
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         """The pooled features of k scaled images: some of the n, or all."""
 
+    def digest(self, pooled: Pooled, n: int, shared: Any) -> Any:
+        """What is looked at of the pooled features of all n images: rows (b, h, w, ...) where `pointwise`."""
+        return pooled
+
     @abstractmethod
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+    def look(self, digested: Any, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         """Unit normals, `memory` channels, and from a network that has learned it the expected error in degrees."""
+
+    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+        """What `look` gives, from the pooled features of all n images."""
+        return self.look(self.digest(pooled, n, shared), n, shared)
 
     def forward(
         self,

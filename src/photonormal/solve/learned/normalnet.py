@@ -190,21 +190,26 @@ class NormalNet(Network):
         sums = weighted_sum(features, w), w.sum(1, dtype=torch.float32)
         return Pooled(pooled.maximum, pooled.total, *(x.unflatten(1, seen.shape[2:4]) for x in sums))
 
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+    def digest(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b h w c"]:
         assert pooled.total is not None
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
-        frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
         mean = (pooled.total / n).to(pooled.maximum.dtype)
-        known = frame
+        known = [nx, ny, nz]
         if self.config.compass:
-            known = torch.cat([frame, c * nx - s * ny, s * nx + c * ny], dim=1)  # x and y in the picture's axes
-        x = torch.cat([pooled.maximum, mean, known.permute(0, 2, 3, 1).to(mean.dtype)], dim=-1)  # (b, h, w, features)
+            known += [c * nx - s * ny, s * nx + c * ny]  # x and y in the picture's axes
+        known = torch.cat(known, dim=1).permute(0, 2, 3, 1).to(mean.dtype)
+        x = torch.cat([pooled.maximum, mean, known], dim=-1)  # (b, h, w, features)
         x = self.fuse[0](x)
         if pooled.weighted is not None and pooled.weights is not None:
             groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)
             means = groups / pooled.weights[..., None]
             x = x + self.heed(means.flatten(-2).to(mean.dtype))
-        x = self.level(self.fuse[1](x).permute(0, 3, 1, 2))  # channels last in memory
+        return self.fuse[1](x)
+
+    def look(self, digested: Float[Tensor, "b h w c"], n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+        (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
+        frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
+        x = self.level(digested.permute(0, 3, 1, 2))  # channels last in memory
         x = self.spatial(x)
         if self.config.coarse:
             x = self.coarse(x)

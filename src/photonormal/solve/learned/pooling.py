@@ -5,7 +5,6 @@ Both can be taken image by image, so a measurement needs memory for one image, w
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import torch
@@ -20,14 +19,6 @@ class Pooled(NamedTuple):
     total: Tensor | None = None  # (b, ...) float32 sum; None where the network asks for the maximum alone
     weighted: Tensor | None = None  # (b, ...) float32 sum of weighted features, or None
     weights: Tensor | None = None  # (b, ...) float32 sum of their weights
-
-    @staticmethod
-    def stacked(parts: Sequence[Pooled]) -> Pooled:
-        """Rows of pixels (b, h, ...), one part below the other."""
-        if len(parts) == 1:
-            return parts[0]
-        fields = zip(*parts, strict=True)
-        return Pooled(*(None if x[0] is None else torch.cat(x, dim=1) for x in fields))
 
     def merged(self, other: Pooled) -> Pooled:
         """This and what other images gave; overwrites this one's memory, so only where no gradient is needed."""

@@ -68,8 +68,8 @@ class PSFCNNet(Network):
         x = self.extractor(phi.flatten(0, 1).contiguous(memory_format=torch.channels_last))
         return Pooled(over_images(x, k))
 
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return unit(self.regressor(pooled.maximum))
+    def look(self, digested: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        return unit(self.regressor(digested.maximum))
 
 
 @dataclass(frozen=True)

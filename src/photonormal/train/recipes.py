@@ -172,12 +172,15 @@ RECIPES = {
     ),
     "normalnet-expected": replace(
         NORMALNET,
+        rendering={"crop": 64, "crops": 2},
         images=(4, 64),
         batch=4,
         reuse=2,
         steps=4000,
         warmup=50,
+        ema=0.999,
         priors=(("trimmed", 1.0),),
+        once=0,
         learn="doubt",
     ),  # on top of trained weights (--start-from): only how far each normal is expected to be off
 }

@@ -91,9 +91,9 @@ class Shared(NamedTuple):
 
     def rows(self, some: slice) -> Shared:
         """The same of some rows of pixels."""
-        azimuth, slant = (tuple(v[:, :, some] for v in pair) for pair in (self.azimuth, self.slant))
+        c, s, nx, nz, y, shading = (v[:, :, some] for v in (*self.azimuth, *self.slant, self.y, self.shading))
         recalled = None if self.recalled is None else self.recalled[:, some]
-        return Shared(azimuth, slant, self.y[:, :, some], self.shading[:, :, some], recalled, self.tilted)
+        return Shared((c, s), (nx, nz), y, shading, recalled, self.tilted)
 
 
 class NormalNet(Network):
@@ -197,8 +197,8 @@ class NormalNet(Network):
         known = [nx, ny, nz]
         if self.config.compass:
             known += [c * nx - s * ny, s * nx + c * ny]  # x and y in the picture's axes
-        known = torch.cat(known, dim=1).permute(0, 2, 3, 1).to(mean.dtype)
-        x = torch.cat([pooled.maximum, mean, known], dim=-1)  # (b, h, w, features)
+        told = torch.cat(known, dim=1).permute(0, 2, 3, 1).to(mean.dtype)
+        x = torch.cat([pooled.maximum, mean, told], dim=-1)  # (b, h, w, features)
         x = self.fuse[0](x)
         if pooled.weighted is not None and pooled.weights is not None:
             groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)

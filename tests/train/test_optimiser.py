@@ -54,6 +54,14 @@ def test_goes_on_from_its_state(muon):
         torch.testing.assert_close(x, y, rtol=0, atol=0)
 
 
+def test_weights_still_move_once_the_network_was_examined():
+    """Measuring with the network that learns, where it has no running mean, places it again: in the same memory."""
+    net = network()
+    optimiser = Optimiser(net, Recipe(muon=0.02))
+    net.to("cpu", memory_format=torch.channels_last)  # as `placed` does
+    assert all(step.any() for step in stepped(net, optimiser))
+
+
 def test_only_what_learns_is_moved():
     net = network()
     net[0].requires_grad_(False)

@@ -137,6 +137,17 @@ NORMALNET = Recipe(
     turns=True,
 )
 
+NORMALNET_CPU = replace(
+    NORMALNET,
+    rendering={"crop": 64, "crops": 2},
+    images=(4, 48),
+    batch=8,
+    reuse=2,
+    ema=0.999,
+    once=3000,
+    validate=3000,
+)
+
 RECIPES = {
     "paper": PAPER,
     # Table 1: what the prior is, where it enters, residual or plain
@@ -160,28 +171,17 @@ RECIPES = {
     # normalnet; the recipes called cpu are for hours on two cores
     "cpu": CPU,
     "normalnet": NORMALNET,
-    "normalnet-cpu": replace(
-        NORMALNET,
-        rendering={"crop": 64, "crops": 2},
-        images=(4, 48),
-        batch=8,
-        reuse=2,
-        ema=0.999,
-        once=3000,
-        validate=3000,
-    ),
+    "normalnet-cpu": NORMALNET_CPU,
     "normalnet-expected": replace(
-        NORMALNET,
-        rendering={"crop": 64, "crops": 2},
+        NORMALNET_CPU,
         images=(4, 64),
         batch=4,
-        reuse=2,
         steps=4000,
         warmup=50,
-        ema=0.999,
         priors=(("trimmed", 1.0),),
         once=0,
         learn="doubt",
+        validate=2000,
     ),  # on top of trained weights (--start-from): only how far each normal is expected to be off
 }
 

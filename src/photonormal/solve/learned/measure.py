@@ -281,14 +281,18 @@ class Tile:
             self.shared = [
                 self.net.begin(turned(torch.rot90(prior, r, (2, 3)), r, 1), self.lights(L, r)) for r in self.turns
             ]
-        self.pooled: list[list[Pooled]] = [[] for _ in self.turns]  # of each turn, one part below the other
+        self.parts = [parts(self.net, s, torch.rot90(self.mask, r, (2, 3))) for r, s in enumerate(self.shared)]
+        self.pooled: list[list[Pooled]] = [[] for _ in self.turns]  # of each turn's parts
 
     def add(self, images: Float[Tensor, "1 k c h w"], L: Float[Tensor, "k 3 *hw"]) -> None:
         """Look at k images of the box under the lights `L`."""
         images = scaled(self.net.scaling, images[..., *self.seen], self.mask, self.moments, self.n)
         for r in self.turns:
             seen, lights, pooled = torch.rot90(images, r, (3, 4)), self.lights(L, r), self.pooled[r]
-            for i, new in enumerate(encoded(self.net, seen, lights, self.shared[r])):
+            for i, (rows, shared) in enumerate(self.parts[r]):
+                at = lights if lights.ndim == 3 else lights[..., rows, :]
+                with inner_precision(L.device):
+                    new = self.net.encode(seen[..., rows, :], at, shared)
                 if i < len(pooled):
                     pooled[i].merged(new)
                 else:
@@ -312,16 +316,8 @@ class Tile:
 
     def digested(self, r: int) -> Any:
         """What the network digests of all images in a turn, part by part; what was pooled is then forgotten."""
-        parts, shared = self.pooled[r], self.shared[r]
-        if len(parts) == 1:
-            return self.net.digest(parts.pop(), self.n, shared)
-        rows, y = [], 0
-        while parts:
-            part = parts.pop(0)
-            h = part.maximum.shape[1]
-            rows.append(self.net.digest(part, self.n, shared.rows(slice(y, y + h))))
-            y += h
-        return torch.cat(rows, dim=1)
+        found = [self.net.digest(self.pooled[r].pop(0), self.n, shared) for _, shared in self.parts[r]]
+        return found[0] if len(found) == 1 else torch.cat(found, dim=1)
 
     def sides(self) -> list[tuple[slice, slice]]:
         """Rows, then columns: the tile's own, and those that it sees."""
@@ -334,18 +330,16 @@ class Tile:
         return torch.cat([here[:3], here[3 + self.net.memory :]])
 
 
-def encoded(
-    net: Network, images: Float[Tensor, "1 k c h w"], lights: Float[Tensor, "1 k 3 *hw"], shared: Any
-) -> Iterator[Pooled]:
-    """Pooled features, on a processor a few rows at a time where that is the same: what is small is soon reused."""
-    h, w = images.shape[3:]
-    whole = images.device.type != "cpu" or not net.pointwise
-    step = h if whole else max(1, PART // w)
-    for y in range(0, h, step):
-        some = slice(y, y + step)
-        L = lights if lights.ndim == 3 else lights[..., some, :]
-        with inner_precision(images.device):
-            yield net.encode(images[..., some, :], L, shared if whole else shared.rows(some))
+def parts(net: Network, shared: Any, mask: Bool[Tensor, "1 1 h w"]) -> list[tuple[slice, Any]]:
+    """Rows of a tile to take at a time, with what all images share of them; all rows, or few on a processor.
+
+    What is small is soon reused; the result is the same.
+    """
+    h, w = mask.shape[2:]
+    if mask.device.type != "cpu" or not net.pointwise:
+        return [(slice(h), shared)]
+    step = max(1, PART // w)
+    return [(rows, shared.rows(rows)) for rows in (slice(y, y + step) for y in range(0, h, step))]
 
 
 def turned(v: Tensor, quarters: int, axis: int) -> Tensor:

@@ -207,3 +207,11 @@ def test_black_pixels_stay_black():
     mask = torch.ones(2, 1, 16, 24, dtype=torch.bool)
     for scaling in ("exposure", "channels", "grey"):
         assert not scaled(scaling, images, mask, moment(scaling, images, mask), 5)[..., 4, 4].any()
+
+
+def test_a_residual_branch_begins_small():
+    torch.manual_seed(0)
+    block = LambertianPriorNet(SMALL).image.scales[0][1]  # its shortcut changes nothing
+    x = torch.randn(2, 8, 16, 16)
+    beside = torch.nn.functional.leaky_relu(x, 0.1)
+    assert 0 < (block(x) - beside).square().mean() < 0.1 * beside.square().mean()

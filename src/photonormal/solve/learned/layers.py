@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 SLOPE = 0.1  # of LeakyReLU
+BEGIN = 0.1  # of Kaiming's weights, with which a residual branch begins beside its shortcut
 
 
 def conv(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
@@ -45,12 +46,18 @@ class Block(nn.Module):
 
 
 def kaiming(network: nn.Module) -> None:
-    """Kaiming's normal initial weights (fan in, gain of ReLU) and zero biases, in every convolution."""
+    """Kaiming's normal initial weights (fan in, gain of ReLU) and zero biases, in every convolution.
+
+    A residual branch begins small: else each block adds to the variance of what passes through it.
+    """
     for module in network.modules():
         if isinstance(module, nn.Conv2d | nn.ConvTranspose2d):
             nn.init.kaiming_normal_(module.weight)
             if module.bias is not None:
                 nn.init.zeros_(module.bias)
+    for module in network.modules():
+        if isinstance(module, Block) and module.residual:
+            module.second.weight.data.mul_(BEGIN)
 
 
 def unit(x: Float[Tensor, "b 3 *hw"]) -> Float[Tensor, "b 3 *hw"]:

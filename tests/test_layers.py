@@ -6,11 +6,12 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading"}
+BASE = {"types", "geometry", "shading", "disk"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "types": set(),
     "geometry": {"types"},
     "shading": set(),
+    "disk": {"types"},
     "progress": set(),
     "capture": BASE,
     "calibrate": BASE,

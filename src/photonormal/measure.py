@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Iterator
@@ -15,8 +14,10 @@ from typing import Any
 import numpy as np
 
 import photonormal
-from photonormal.capture import load
-from photonormal.export.folder import REPORT, whole_folder
+from photonormal.capture import files_read, load
+from photonormal.disk import Batch
+from photonormal.export.folder import report as write_report
+from photonormal.export.folder import whole_folder
 from photonormal.geometry import in_frame
 from photonormal.integrate import integrate
 from photonormal.progress import progress
@@ -85,9 +86,10 @@ def measure(
     K = read_camera(camera)
     in_frame(np.zeros(3), normals_frame)  # before any work is done
     seconds: dict[str, float] = {}
-    with whole_folder(Path(out), overwrite) as folder:
+    with _stage("read", seconds):
+        photographs = load(capture, **how)
+    with whole_folder(Path(out), overwrite, files_read(capture, photographs, camera, *how.values())) as folder:
         with _stage("read", seconds):
-            photographs = load(capture, **how)
             exposure, grey = _read(photographs)
         with _stage("solve", seconds), progress(f"normals by {method}"):
             from photonormal.solve.expected import with_expected_error
@@ -136,8 +138,7 @@ def measure(
             report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
         if photographs.truth is not None:
             report["score"] = score(normals, photographs.truth).as_dict()
-        (folder / REPORT).write_text(json.dumps(report, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-    return report
+        return write_report(folder, report)
 
 
 def read_camera(path: Path | None) -> np.ndarray | None:
@@ -178,7 +179,7 @@ def _disagreements(capture: Capture, grey: np.ndarray, normals: Normals) -> list
     return grave(grey, normals.map[::step, ::step], normals.mask[::step, ::step], capture.lights)
 
 
-def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any, frame: str) -> None:
+def _export(folder: Batch, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any, frame: str) -> None:
     """Every file of a result but the report, written at the same time."""
     from photonormal.export import save
     from photonormal.export.normal_maps import encode_png
@@ -187,16 +188,16 @@ def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray
     white = float(np.quantile(albedo[normals.mask], 0.99)) or 1.0
 
     def pictures() -> None:
-        (folder / "albedo.png").write_bytes(encode_png(np.rint(65535 * (albedo / white).clip(0, 1)).astype(np.uint16)))
+        folder.write("albedo.png", encode_png(np.rint(65535 * (albedo / white).clip(0, 1)).astype(np.uint16)))
         error = error_picture(normals, capture.truth) if capture.truth is not None else None
         brightest = int(np.argmax(capture.known_lights()[:, 2]))  # the light nearest to the camera shows most
         photograph = capture.images[brightest]
         photograph = photograph / max(float(np.quantile(photograph[capture.mask], 0.99)), 1e-6)
-        (folder / "preview.png").write_bytes(encode_png(preview(photograph, normals, albedo / white, error)))
+        folder.write("preview.png", encode_png(preview(photograph, normals, albedo / white, error)))
         if error is not None:
-            (folder / "error.png").write_bytes(encode_png(error))
+            folder.write("error.png", encode_png(error))
         if normals.expected_error_deg is not None:
-            (folder / "expected-error.png").write_bytes(encode_png(colours(normals.expected_error_deg)))
+            folder.write("expected-error.png", encode_png(colours(normals.expected_error_deg)))
 
     jobs = [
         pictures,
@@ -215,7 +216,7 @@ def _export(folder: Path, capture: Capture, normals: Normals, albedo: np.ndarray
 def _stage(name: str, seconds: dict[str, float]) -> Iterator[None]:
     start = time.perf_counter()
     yield
-    seconds[name] = round(time.perf_counter() - start, 4)
+    seconds[name] = round(seconds.get(name, 0.0) + time.perf_counter() - start, 4)
 
 
 def _plain(value: Any) -> Any:

@@ -15,11 +15,11 @@ import photonormal
 from photonormal.calibrate.circle import Circle
 from photonormal.calibrate.mirror import mean_directions, nearest_point
 from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
-from photonormal.capture import load
+from photonormal.capture import files_read, load
 from photonormal.capture.assemble import find_mask, find_pictures
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.texts import read_lines
-from photonormal.export.folder import REPORT, write
+from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
 from photonormal.progress import progress
 from photonormal.types import InputError, cores
@@ -75,14 +75,18 @@ def calibrate(
         "report": out.with_suffix(".json"),
         "picture": out.with_name(f"{out.stem}_spheres.png"),
     }
-    taken = [p.name for p in files.values() if p.exists()]
-    if taken and not overwrite:
-        raise InputError(f"{taken[0]} exists beside {out}; choose another --out, or add --overwrite to replace it.")
+    if radius_mm is not None and len(spheres) * count > 1:
+        files["positions"] = out.with_name("light_positions.txt")
+    refuse_taken(files.values(), overwrite)
     from photonormal.calibrate import files as text
     from photonormal.calibrate.picture import beside, drawn
+    from photonormal.export.folder import as_json
     from photonormal.export.normal_maps import encode_png
 
-    names = [p.name for p in numbered_pictures(Path(folder))]
+    photographs = numbered_pictures(Path(folder))
+    places = [Path(folder), *(Path(p) for p in spheres if str(p) != AUTO)]
+    refuse_taken(files.values(), overwrite, reads=[*photographs, *(p for place in places for p in pictures_of(place))])
+    names = [p.name for p in photographs]
     camera, found, pictures = Camera(focal_px), [], []
     given = [_circle(c) for c in circles]
     for k, place in enumerate(spheres):
@@ -124,19 +128,18 @@ def calibrate(
                 "lights' positions; photograph them together and give --count, or leave --radius-mm out."
             )
         X, miss = _positions(found, radius_mm, focal_px)
-        files["positions"] = out.with_name("light_positions.txt")
         content["position_origin"] = (
             "the middle of the picture, at the spheres' depth" if focal_px is None else "camera"
         )
         for light, x, m in zip(content["lights"], X, miss, strict=True):
             light |= {"position_mm": in_frame(x, frame), "lines_miss_mm": round(m, 4)}
         tables["positions"] = in_frame(X, frame)
-    _make_folder(out.parent)
-    for name, rows in tables.items():
-        write(files[name], text.table(rows))
-    write(files["report"], text.report(content))
-    write(files["picture"], encode_png(beside(pictures)))
-    write(files["lp"], text.lp(names, written))
+    with at_once(out.parent) as batch:
+        for name, rows in tables.items():
+            batch.write(files[name].name, text.table(rows))
+        batch.write(files["report"].name, as_json(content))
+        batch.write(files["picture"].name, encode_png(beside(pictures)))
+        batch.write(out.name, text.lp(names, written))
     return content | {"files": [str(p) for p in files.values()]}
 
 
@@ -153,7 +156,7 @@ def check(
     from photonormal.calibrate import files as text
     from photonormal.check import check as findings_of
     from photonormal.check.coverage import polar_plot
-    from photonormal.export.folder import whole_folder
+    from photonormal.export.folder import report, whole_folder
     from photonormal.export.normal_maps import encode_png
 
     photographs = load(capture, **how)
@@ -161,7 +164,7 @@ def check(
         found = findings_of(photographs)
     if out is None:
         return found, []
-    with whole_folder(Path(out), overwrite) as folder:
+    with whole_folder(Path(out), overwrite, files_read(capture, photographs, *how.values())) as folder:
         names, L = photographs.image_names, photographs.lights
         content = {
             "photonormal": photonormal.__version__,
@@ -169,17 +172,16 @@ def check(
             "images": list(names),
             "findings": [f.as_dict() for f in found],
         }
-        (folder / REPORT).write_bytes(text.report(content))
         if L is not None:
-            (folder / "lights.png").write_bytes(encode_png(polar_plot(L)))
+            folder.write("lights.png", encode_png(polar_plot(L)))
         fixed = next((f.lights for f in found if f.lights is not None), None)
         if fixed is not None:
-            (folder / "corrected.lp").write_bytes(text.lp(names, fixed))
+            folder.write("corrected.lp", text.lp(names, fixed))
             camera = photographs.camera if photographs.lamps is not None else None
             middle = 0 if camera is None else camera.flat_mm(photographs.mask).mean(0)  # lamps' are positions
-            (folder / "corrected.png").write_bytes(encode_png(polar_plot(normalised(fixed - middle))))
-        written = [Path(out) / p.name for p in sorted(folder.iterdir())]
-    return found, written
+            folder.write("corrected.png", encode_png(polar_plot(normalised(fixed - middle))))
+        report(folder, content)
+    return found, [Path(out) / name for name in sorted(folder.names)]
 
 
 def intensities(
@@ -207,9 +209,9 @@ def intensities(
     from photonormal.check.given import Near
 
     out = Path(out)
-    if out.exists() and not overwrite:
-        raise InputError(f"{out} exists; choose another --out, or add --overwrite to replace it.")
+    refuse_taken([out], overwrite)
     photographs = load(capture, **how)
+    refuse_taken([out], overwrite, files_read(capture, photographs, *how.values()))
     n, c = photographs.images.shape[0], photographs.images.shape[3]
     L = photographs.known_lights()
     with progress("intensities"):
@@ -237,7 +239,8 @@ def intensities(
             else:
                 X = camera.flat_mm(photographs.mask)[some][lit]
                 e = np.stack([_of_lamps(Near(I[..., k], X, lamps)) for k in range(c)], axis=-1)
-    write(out, text.table(e))
+    with at_once(out.parent) as batch:
+        batch.write(out.name, text.table(e))
     return e
 
 
@@ -258,10 +261,9 @@ def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool 
 
     out = Path(out)
     shown = out.with_name(f"{out.stem}_preview.png")
-    taken = [p for p in (out, shown) if p.exists()]
-    if taken and not overwrite:
-        raise InputError(f"{taken[0]} exists; choose another --out, or add --overwrite to replace it.")
+    refuse_taken([out, shown], overwrite)
     paths = numbered_pictures(Path(folder))
+    refuse_taken([out, shown], overwrite, paths)
     images = ImageFiles(paths[:: max(1, len(paths) // MASK_PICTURES)], None, np.ones((len(paths), 1)))
     pictures = np.stack(images_of(images, lambda image: image.mean(-1)))
     mask = mask_from_shading(pictures)
@@ -269,8 +271,9 @@ def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool 
     grey = np.rint(255 * (level / max(float(np.quantile(level, 0.99)), 1e-12)).clip(0, 1) ** (1 / 2.2))
     preview = np.repeat(grey[..., None], 3, axis=-1)
     preview[~mask] = preview[~mask] / 3 + np.array([0, 0, 90])
-    write(out, encode_png(mask.astype(np.uint8) * np.uint8(255)))
-    write(shown, encode_png(preview.astype(np.uint8)))
+    with at_once(out.parent) as batch:
+        batch.write(out.name, encode_png(mask.astype(np.uint8) * np.uint8(255)))
+        batch.write(shown.name, encode_png(preview.astype(np.uint8)))
     return out, shown
 
 
@@ -308,6 +311,12 @@ def numbered_pictures(folder: Path) -> list[Path]:
     if not pictures:
         raise InputError(f"{folder} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, NPY or RAW files.")
     return numbered or pictures
+
+
+def pictures_of(folder: Path) -> list[Path]:
+    """Every picture of a folder that a calibration may read, its mask included."""
+    mask = find_mask(folder)
+    return [*find_pictures(folder), *([mask] if mask else [])]
 
 
 def _spheres(
@@ -355,13 +364,6 @@ def _in_order_of(names: Sequence[str], pictures: Sequence[Path], folder: Path) -
             "object; one picture of each for every light is needed, in the same order."
         )
     return list(pictures)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} can't be made ({error.strerror}); choose another --out.") from None
 
 
 def _circle(text: str) -> Circle:

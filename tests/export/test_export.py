@@ -6,7 +6,6 @@ import trimesh
 
 import photonormal as pn
 from photonormal.export import load_normals
-from photonormal.export.folder import whole_folder
 from photonormal.export.mesh import display, faces, vertices
 from photonormal.export.normal_maps import png
 from photonormal.geometry import angle_deg
@@ -122,42 +121,3 @@ def test_a_hostile_npz_is_never_unpickled(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="can't be read as normals"):
         load_normals("n.npz")
     assert not (tmp_path / "hostile").exists()
-
-
-class TestWholeFolder:
-    def test_nothing_is_left_when_the_block_fails(self, tmp_path):
-        with pytest.raises(RuntimeError), whole_folder(tmp_path / "out") as folder:
-            (folder / "half.txt").write_text("x")
-            raise RuntimeError
-        assert list(tmp_path.iterdir()) == []
-
-    def test_a_failure_leaves_the_result_before_as_it_was(self, tmp_path):
-        with whole_folder(tmp_path / "out") as folder:
-            (folder / "report.json").write_text("first")
-        with pytest.raises(RuntimeError), whole_folder(tmp_path / "out") as folder:
-            (folder / "report.json").write_text("second")
-            raise RuntimeError
-        assert (tmp_path / "out" / "report.json").read_text() == "first"
-        assert len(list(tmp_path.iterdir())) == 1
-
-    def test_a_new_result_replaces_ours_and_keeps_what_is_not(self, tmp_path):
-        for text in ("first", "second"):
-            with whole_folder(tmp_path / "out") as folder:
-                (folder / "report.json").write_text(text)
-            (tmp_path / "out" / "notes.txt").write_text("mine")
-        assert (tmp_path / "out" / "report.json").read_text() == "second"
-        assert (tmp_path / "out" / "notes.txt").read_text() == "mine"
-
-    def test_a_folder_that_is_not_ours_needs_overwrite(self, tmp_path):
-        (tmp_path / "out").mkdir()
-        (tmp_path / "out" / "thesis.txt").write_text("mine")
-        with pytest.raises(InputError, match="--overwrite"), whole_folder(tmp_path / "out"):
-            pass
-        with whole_folder(tmp_path / "out", overwrite=True) as folder:
-            (folder / "report.json").write_text("{}")
-        assert sorted(p.name for p in (tmp_path / "out").iterdir()) == ["report.json", "thesis.txt"]
-
-    def test_a_full_disk_is_one_line(self, tmp_path):
-        with pytest.raises(InputError, match="no space is left") as caught, whole_folder(tmp_path / "out"):
-            raise OSError(28, "No space left on device")
-        assert "\n" not in str(caught.value) and not (tmp_path / "out").exists()

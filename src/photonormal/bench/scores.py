@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 from photonormal.bench.store import SCORES, Prediction, configs, predictions, read_truth, truth_path
-from photonormal.export.folder import write
+from photonormal.disk import write
 from photonormal.score import score
 from photonormal.types import InputError, cores
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 import photonormal
-from photonormal.export.folder import write
+from photonormal.disk import write
 from photonormal.types import InputError, Normals
 
 LAYOUT = 1  # of the folder; another number can't be read

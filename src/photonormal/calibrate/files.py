@@ -1,10 +1,8 @@
-"""Calibrated lights as the text of files: `.lp`, a table of directions, JSON."""
+"""Calibrated lights as the text of files: `.lp`, a table of directions."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -14,18 +12,9 @@ def lp(names: Sequence[str], lights: Float[np.ndarray, "n 3"]) -> bytes:
     """An `.lp` file: the count, then `name x y z` a line."""
     lines = [str(len(names))]
     lines += [f"{name} {x:.8f} {y:.8f} {z:.8f}" for name, (x, y, z) in zip(names, lights, strict=True)]
-    return ("\n".join(lines) + "\n").encode()
+    return ("\n".join(lines) + "\n").encode("utf-8", "surrogateescape")  # names of files are bytes
 
 
 def table(rows: Float[np.ndarray, "n k"]) -> bytes:
     """A row of numbers a line."""
     return ("\n".join(" ".join(f"{v:.8f}" for v in row) for row in rows) + "\n").encode()
-
-
-def report(content: dict[str, Any]) -> bytes:
-    """JSON; numpy's numbers become plain ones."""
-    return (json.dumps(content, indent=2, ensure_ascii=False, default=_plain) + "\n").encode()
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist() if isinstance(value, (np.ndarray, np.generic)) else str(value)

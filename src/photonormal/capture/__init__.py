@@ -78,3 +78,14 @@ def load(
         raise InputError(
             f"{error.filename or path} can't be read ({error.strerror}); check the path and its permissions."
         ) from None
+
+
+def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
+    """The folder, the pictures and those of `others` that are paths: what must not be written over by results."""
+    from photonormal.capture.images import parts
+
+    path = Path(path)
+    images: Any = capture.images
+    images = getattr(images, "images", images)  # those that are corrected
+    pictures = [file for picture in getattr(images, "pictures", ()) for file in parts(picture)]
+    return [path, *([] if path.is_dir() else [path.parent]), *pictures, *(p for p in others if isinstance(p, Path))]

@@ -33,8 +33,8 @@ def save(
     -------
     The path written.
     """
+    from photonormal.disk import write
     from photonormal.export import mesh, normal_maps
-    from photonormal.export.folder import write
 
     path = Path(path)
     suffix = path.suffix.lower()

@@ -1,84 +1,125 @@
-"""Files and folders that are written whole or not at all."""
+"""Folders of results: new, or ones that photonormal wrote, told by their report; nothing else in them is touched."""
 
 from __future__ import annotations
 
-import errno
+import json
 import os
-import shutil
-import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+from photonormal.disk import PARTIAL, Batch, at_once, refuse_folder, unwritable
 from photonormal.types import InputError
 
-REPORT = "report.json"  # a folder that holds it is ours
-
-
-def write(path: Path, data: bytes) -> None:
-    """Write beside the file, then rename: a reader never sees half a file."""
-    beside = path.with_name(f".{path.name}.partial")
-    try:
-        beside.write_bytes(data)
-        os.replace(beside, path)
-    except OSError as error:
-        beside.unlink(missing_ok=True)
-        raise _unwritable(path, error) from None
+REPORT = "report.json"
+MARKER = {"written_by": "photonormal"}  # in the report of a result
+LONGEST = 2**26  # bytes of a report
+NAMES = (  # of the files of a result, of `measure` and of `check`
+    *("normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "error.png"),
+    *("expected-error.png", "lights.png", "corrected.lp", "corrected.png", REPORT),
+)
 
 
 @contextmanager
-def whole_folder(out: Path, overwrite: bool = False) -> Iterator[Path]:
-    """A folder to write into, which becomes `out` when the block ends well and vanishes when it does not.
+def whole_folder(out: Path, overwrite: bool = False, reads: Iterable[Path | None] = ()) -> Iterator[Batch]:
+    """A batch of files, of NAMES, that appear in `out` at once; the last one written is `report(batch, ...)`.
 
-    An existing result of ours is replaced. Any other folder that is not empty is refused, unless `overwrite`; files in
-    it that are not ours stay where they are in either case.
+    A result in `out` that photonormal wrote goes when the new one comes: the files that its report lists, as long as
+    they have the sizes that it lists. Nothing else is moved or removed. A folder that holds other things, or a file of
+    NAMES that is not of that result, needs `overwrite`; then such a file is replaced.
+
+    Parameters
+    ----------
+    reads : files and folders that the results are made from; nothing in them is ever replaced
+
+    Raises
+    ------
+    InputError
+        Before the block, where the results can't be written: `out` is a file, read-only, in use by another process,
+        one of `reads`, or holds things that may not be replaced. After it, where they couldn't be.
     """
-    if out.is_file():
+    used = [Path(os.path.realpath(p)) for p in reads if p is not None]
+    try:
+        _refuse(out, overwrite, used)
+    except OSError as error:
+        raise unwritable(out, error) from None
+    with at_once(out, wait_seconds=0) as batch:
+        _replaced(out, NAMES, overwrite, used)  # once more, after a killed run has been cleared up
+        yield batch
+        batch.remove = _replaced(out, batch.names, overwrite, used)
+
+
+def report(batch: Batch, content: dict[str, Any]) -> dict[str, Any]:
+    """Write a result's report: the content, the marker, and the files written so far with their sizes; returns it."""
+    content = content | MARKER | {"files": batch.sizes()}
+    batch.write(REPORT, as_json(content))
+    return content
+
+
+def as_json(content: Any) -> bytes:
+    """UTF-8; bytes of file names that are none are escaped, so that reading it gives the same names."""
+    text = json.dumps(content, indent=2, ensure_ascii=False, default=_plain) + "\n"
+    return text.encode("utf-8", "backslashreplace")
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist() if hasattr(value, "tolist") else str(value)
+
+
+def _refuse(out: Path, overwrite: bool, used: list[Path]) -> None:
+    if out.is_symlink() and not out.exists():
+        raise InputError(f"{out} is a link to nothing but a folder for the results is needed; choose another --out.")
+    if os.path.lexists(out) and not out.is_dir():
         raise InputError(f"{out} is a file but a folder for the results is needed; choose another --out.")
-    if out.is_dir() and any(out.iterdir()) and not (out / REPORT).is_file() and not overwrite:
+    if not out.is_dir():
+        return
+    if Path(os.path.realpath(out)) in used:
+        raise InputError(
+            f"{out} holds the photographs, and results would be taken for more of them; choose another --out, "
+            f"such as {out / 'result'}."
+        )
+    _replaced(out, NAMES, overwrite, used)
+    others = {p.name for p in out.iterdir()} - {PARTIAL}
+    if others and not overwrite and listed(out) is None:
         raise InputError(
             f"{out} exists and holds no photonormal result; choose another --out, or add --overwrite to put the "
             "results beside what is there."
         )
+
+
+def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: list[Path]) -> list[str]:
+    """The files of `out` that go when a result with files `names` comes; InputError where one of them may not."""
+    ours = listed(out) or []
+    for name in dict.fromkeys([*names, *ours]):
+        path = out / name
+        refuse_folder(path)
+        if not os.path.lexists(path):
+            continue
+        place = Path(os.path.realpath(path))
+        if place in used or (name not in ours and any(place.is_relative_to(u) for u in used)):
+            raise InputError(f"{path} is among what is read here, and is not written over; choose another --out.")
+        if name not in ours and not overwrite:
+            raise InputError(
+                f"{path} was not written by photonormal, or has changed since; choose another --out, or add "
+                "--overwrite to replace it."
+            )
+    return ours
+
+
+def listed(out: Path) -> list[str] | None:
+    """Files of the result in a folder, as its report tells, its report first; None where there is no result of ours."""
+    if not 0 < (_size(out / REPORT) or 0) < LONGEST:
+        return None
     try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        partial = Path(tempfile.mkdtemp(prefix=f".{out.name}.partial-", dir=out.parent))
-    except OSError as error:
-        raise _unwritable(out, error) from None
-    try:
-        yield partial
-        _swap(partial, out)
-    except OSError as error:
-        raise _unwritable(out, error) from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        content = json.loads((out / REPORT).read_bytes())
+        files = content["files"]
+        if content | MARKER != content or not isinstance(files, dict):
+            return None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    return [REPORT, *(n for n, size in files.items() if n in NAMES and n != REPORT and _size(out / n) == size)]
 
 
-def _swap(partial: Path, out: Path) -> None:
-    partial.chmod(0o777 & ~_umask())
-    if not out.exists():
-        partial.rename(out)
-        return
-    for other in out.iterdir():
-        if not (partial / other.name).exists():
-            other.rename(partial / other.name)
-    before = out.with_name(f".{out.name}.before-{os.getpid()}")
-    out.rename(before)
-    partial.rename(out)
-    shutil.rmtree(before)
-
-
-def _umask() -> int:
-    value = os.umask(0)
-    os.umask(value)
-    return value
-
-
-def _unwritable(path: Path, error: OSError) -> InputError:
-    what = {
-        errno.ENOSPC: "no space is left; free some or choose another disk",
-        errno.EACCES: "permission is denied; choose a folder of yours",
-        errno.EROFS: "the disk is read-only; choose another",
-        errno.ENOENT: "its folder does not exist; create it first",
-    }.get(error.errno or 0, f"{error.strerror or error}; choose another place")
-    return InputError(f"{path} can't be written: {what}. Nothing was changed.")
+def _size(path: Path) -> int | None:
+    return path.stat().st_size if path.is_file() and not path.is_symlink() else None

@@ -79,7 +79,7 @@ def figure(
     if not places:
         raise InputError("no folder came; give the folder of runs, or for convergence those of trainings.")
     from photonormal.bench.figures.style import STYLE, style_context
-    from photonormal.export.folder import write
+    from photonormal.disk import write
 
     wish = Wish(tuple(str(p) for p in places), dataset, tuple(methods), tuple(objects), limit_deg)
     module, function = FIGURES[name].split(":")

@@ -10,7 +10,7 @@ from photonormal.bench.page.html import tables_html
 from photonormal.bench.page.layers import COLOURS, LEVELS_PER_DEGREE, UNKNOWN, objects
 from photonormal.bench.scores import all_scored
 from photonormal.bench.tables import tables
-from photonormal.export.folder import write
+from photonormal.disk import write
 from photonormal.progress import progress
 from photonormal.types import InputError
 

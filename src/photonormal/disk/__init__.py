@@ -1,0 +1,15 @@
+"""Everything that photonormal writes: files that belong together appear at once, or not at all.
+
+`at_once` writes files of one folder, `write` one file; `recover` clears up what a killed run left in a folder;
+`refuse_taken` tells before the work that a file can't be written.
+"""
+
+from photonormal.disk.batch import Batch, at_once, recover, write
+from photonormal.disk.journal import PARTIAL
+from photonormal.disk.lock import lock, uninterrupted
+from photonormal.disk.refusals import refuse_folder, refuse_taken, unwritable
+
+__all__ = [
+    "PARTIAL", "Batch", "at_once", "lock", "recover", "refuse_folder", "refuse_taken", "uninterrupted", "unwritable",
+    "write",
+]  # fmt: skip

@@ -1,0 +1,53 @@
+"""Why a file or a folder can't be written, in one line."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from photonormal.types import InputError
+
+REASONS = {
+    errno.ENOSPC: "no space is left; free some or choose another disk",
+    errno.EDQUOT: "your share of the disk is used up; free some or choose another disk",
+    errno.EACCES: "permission is denied; choose a folder of yours",
+    errno.EPERM: "permission is denied; choose a folder of yours",
+    errno.EROFS: "the disk is read-only; choose another",
+    errno.ENOENT: "its folder does not exist; create it first",
+    errno.ENOTDIR: "its folder is a file; choose another place",
+    errno.EEXIST: "something of this name is in the way; choose another name",
+    errno.ENAMETOOLONG: "its name is too long; choose a shorter one",
+}
+NOTHING = " Nothing was changed."
+
+
+def unwritable(path: Path, error: OSError, after: str = NOTHING) -> InputError:
+    """What to raise where `path` can't be written; `after` tells the state that is left."""
+    what = REASONS.get(error.errno or 0, f"{error.strerror or error}; choose another place")
+    return InputError(f"{path} can't be written: {what}.{after}")
+
+
+def refuse_folder(path: Path) -> None:
+    """InputError where a file is to be written but a folder is."""
+    if path.is_dir() and not path.is_symlink():
+        raise InputError(f"{path} is a folder but a file is to be written there; choose another --out.")
+
+
+def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] = ()) -> None:
+    """InputError where a file to be written is a folder, exists without `overwrite`, or is one of the files read."""
+    used = {os.path.realpath(p) for p in reads}
+    for path in paths:
+        try:
+            os.lstat(path)
+        except FileNotFoundError:
+            continue
+        except OSError as error:
+            raise unwritable(path, error) from None
+        if path.is_dir():
+            raise InputError(f"{path} is a folder but a file is to be written there; choose another --out.")
+        if os.path.realpath(path) in used:
+            raise InputError(f"{path} is read here and is not written over; choose another --out.")
+        if not overwrite:
+            raise InputError(f"{path} exists; choose another --out, or add --overwrite to replace it.")

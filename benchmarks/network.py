@@ -24,7 +24,7 @@ import torch
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.network import placed
-from photonormal.solve.learned.processor import bf16_pays, inner_precision, keep_freed_memory
+from photonormal.solve.learned.processor import inner_precision, keep_freed_memory, knows_bf16
 from photonormal.solve.learned.weights import build
 from photonormal.solve.observations import torch_device
 from photonormal.train.observe import observe
@@ -58,7 +58,7 @@ def seconds(f, device: torch.device, repeat: int = 3) -> float:
 def peak(device: torch.device) -> float:
     """Floating-point operations a second of a large matrix product."""
     n = 8192 if device.type == "cuda" else 2048
-    a = torch.randn(n, n, device=device, dtype=torch.bfloat16 if bf16_pays(device.type) else torch.float32)
+    a = torch.randn(n, n, device=device, dtype=torch.bfloat16 if knows_bf16(device.type) else torch.float32)
     return 2 * n**3 / seconds(lambda: a @ a, device, 10)
 
 

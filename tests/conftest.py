@@ -11,7 +11,7 @@ def float32(monkeypatch):
     """No bf16 inside networks, whatever the machine is fast with: what is exact is exact to float32's rounding."""
     from photonormal.solve.learned import processor
 
-    monkeypatch.setattr(processor, "bf16_pays", lambda device_type: False)
+    monkeypatch.setattr(processor, "knows_bf16", lambda device_type: False)
 
 
 @pytest.fixture(scope="session")

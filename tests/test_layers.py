@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk"}
+BASE = {"types", "geometry", "shading", "disk", "options"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "types": set(),
     "geometry": {"types"},
     "shading": set(),
     "disk": {"types"},
+    "options": {"types"},
     "progress": set(),
     "capture": BASE,
     "calibrate": BASE,

@@ -20,6 +20,7 @@ from photonormal.export.folder import report as write_report
 from photonormal.export.folder import whole_folder
 from photonormal.geometry import in_frame
 from photonormal.integrate import integrate
+from photonormal.options import Device, Precision, check_value
 from photonormal.progress import progress
 from photonormal.score import colours, error_picture, score
 from photonormal.solve import DEFAULT, configure, run
@@ -57,6 +58,7 @@ def measure(
     normals_frame: str = "opengl",
     camera: Path | None = None,
     options: dict[str, Any] | None = None,
+    precision: Precision = "auto",
     **how: Any,
 ) -> dict[str, Any]:
     """Measure one capture and write its results into the folder `out`, whole or not at all.
@@ -72,6 +74,7 @@ def measure(
     integration : a key of photonormal.integrate.METHODS
     normals_frame : frame of normals.png, a key of photonormal.geometry.FRAMES; normals.npz keeps ours
     camera : text file with the camera matrix (3, 3) in pixels of the photographs, for a perspective surface
+    precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
 
     Returns
     -------
@@ -82,6 +85,8 @@ def measure(
     InputError
         If anything given can't be used; then nothing has been written.
     """
+    check_value(device, Device, "device")
+    check_value(precision, Precision, "precision")
     solver: Any = configure(method, **(options or {}))
     K = read_camera(camera)
     in_frame(np.zeros(3), normals_frame)  # before any work is done
@@ -93,11 +98,14 @@ def measure(
             exposure, grey = _read(photographs)
         with _stage("solve", seconds), progress(f"normals by {method}"):
             from photonormal.solve.expected import with_expected_error
+            from photonormal.solve.learned.processor import computing_in, number_format
             from photonormal.solve.near import seen_as_distant
             from photonormal.solve.observations import torch_device
 
             where = torch_device(device)
-            normals = run(solver, photographs, where)
+            with computing_in(precision):
+                normals = run(solver, photographs, where)
+                computed_in = number_format(where)
             seen = seen_as_distant(photographs, normals)
             normals = with_expected_error(normals, seen, method, where)
         with _stage("albedo", seconds), progress("albedo"):
@@ -124,6 +132,7 @@ def measure(
             "integration": integration if mesh else None,
             "normals_png_frame": normals_frame,
             "device": str(where),
+            "precision": computed_in if hasattr(solver, "weights_sha256") else None,
             "images": list(photographs.image_names),
             "lights": photographs.images.shape[0],
             "light": "distant" if photographs.lamps is None else "near",

@@ -21,6 +21,7 @@ from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.texts import read_lines
 from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
+from photonormal.options import Coordinate, Positive, check_value
 from photonormal.progress import progress
 from photonormal.types import InputError, cores
 
@@ -75,6 +76,7 @@ def calibrate(
         "report": out.with_suffix(".json"),
         "picture": out.with_name(f"{out.stem}_spheres.png"),
     }
+    given = [_circle(c) for c in circles]
     if radius_mm is not None and len(spheres) * count > 1:
         files["positions"] = out.with_name("light_positions.txt")
     refuse_taken(files.values(), overwrite)
@@ -88,7 +90,6 @@ def calibrate(
     refuse_taken(files.values(), overwrite, reads=[*photographs, *(p for place in places for p in pictures_of(place))])
     names = [p.name for p in photographs]
     camera, found, pictures = Camera(focal_px), [], []
-    given = [_circle(c) for c in circles]
     for k, place in enumerate(spheres):
         path = Path(folder) if str(place) == AUTO else Path(place)
         share = given[k * count : (k + 1) * count]
@@ -373,6 +374,8 @@ def _circle(text: str) -> Circle:
         raise InputError(
             f"--circle {text[:40]!r} came but x,y,r is needed: centre from the upper left and radius, in pixels."
         ) from None
+    for value, kind in ((x, Coordinate), (y, Coordinate), (r, Positive)):
+        check_value(value, kind, f"--circle {text[:40]} with")
     return Circle(x, y, r)
 
 

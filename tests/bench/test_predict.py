@@ -142,7 +142,7 @@ def test_errors_are_found_from_disk_and_again_when_a_prediction_changes(root, tm
         (("diligent", "ROOT", "--draws", "-1"), "--draws -1"),
         (("diligent", "ROOT", "--jobs", "0"), "--jobs 0"),
         (("diligent", "ROOT", "--fixed", "ABSENT"), "can't be read"),
-        (("diligent", "ROOT", "--device", "abacus"), "no device 'abacus'"),
+        (("diligent", "ROOT", "--device", "abacus"), "--device abacus came"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(root, tmp_path, run, arguments, says):

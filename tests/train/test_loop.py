@@ -80,6 +80,31 @@ def test_resumed_training_gives_the_same_numbers(tmp_path):
     assert [e["mean_deg"] for e in a] == [e["mean_deg"] for e in b]
 
 
+def test_a_resumed_training_keeps_its_precision(tmp_path, monkeypatch):
+    run_steps(tmp_path, 8, precision="bf16")
+    assert checkpoint.load(tmp_path, TINY.as_dict())["precision"] == "bf16"
+    with pytest.raises(InputError, match="--precision float32 came but this training computes in bf16"):
+        run(tmp_path, resume=True, precision="float32")
+    asked = []
+    launched = loop.launched
+    monkeypatch.setattr(loop, "launched", lambda *given, **more: asked.append(given[1]) or launched(*given, **more))
+    run(tmp_path, resume=True)
+    assert asked == ["bf16"] and "| learned in | bf16 |" in (tmp_path / "lambertian-prior.md").read_text()
+
+
+@pytest.mark.parametrize("wrong", [{"steps": -1}, {"steps": 0}, {"minutes": -1.0}, {"minutes": float("nan")}], ids=str)
+def test_no_training_without_a_step(tmp_path, wrong):
+    with pytest.raises(InputError, match="came but"):
+        run(tmp_path / "out", **wrong)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_moment_is_time_for_one_step(tmp_path):
+    """Never a weights file of a network that has learned nothing."""
+    run(tmp_path, minutes=1e-9)
+    assert checkpoint.load(tmp_path, TINY.as_dict())["step"] == 1
+
+
 def test_a_flat_training_made_longer_is_what_a_longer_one_would_have_been(tmp_path):
     flat, longer, parts = replace(TINY, schedule="flat"), tmp_path / "longer", tmp_path / "parts"
     run(longer, flat, steps=24)
@@ -154,7 +179,7 @@ def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
         run(tmp_path / "third", replace(TINY, config={"width": 16}), start_from=first)
 
 
-def run_steps(out, steps, recipe=TINY):
+def run_steps(out, steps, recipe=TINY, **options):
     """Train until the checkpoint after `steps`, then stop without warning."""
 
     class Stopped(Exception):
@@ -168,7 +193,7 @@ def run_steps(out, steps, recipe=TINY):
                 yield batch
 
     with pytest.raises(Stopped):
-        loop.train(recipe, out, device="cpu", stream=Broken, save_seconds=0)
+        loop.train(recipe, out, device="cpu", stream=Broken, save_seconds=0, **options)
 
 
 def test_killed_training_resumes(tmp_path):
@@ -251,6 +276,7 @@ def test_the_card_says_what_the_weights_are(tmp_path):
 WORKER = """
 import sys, torch
 torch.set_num_threads(1)
+from photonormal.solve.learned import processor
 from photonormal.solve.learned.network import placed
 from photonormal.solve.learned.weights import build
 from photonormal.train import loop
@@ -259,8 +285,8 @@ from photonormal.train.recipes import Recipe
 from tests.train.toy import Batch, Toy
 
 out, world = sys.argv[1], int(sys.argv[2])
-loop.bf16_pays = lambda kind: False
-fabric = loop.launched("cpu")
+processor.knows_bf16 = lambda kind: False
+fabric = loop.launched("cpu", "float32")
 assert fabric.world_size == world
 torch.manual_seed(0)
 net = placed(build("lambertian-prior", {"width": 8}), "cpu")

@@ -26,6 +26,7 @@ from photonormal.bench.store import (
     write_truth,
 )
 from photonormal.export.mesh import display
+from photonormal.options import Precision
 from photonormal.progress import progress
 from photonormal.types import Capture, InputError, cores
 
@@ -57,6 +58,7 @@ def bench(
     objects: str = "",
     device: str = "auto",
     jobs: int = 1,
+    precision: Precision = "auto",
 ) -> Outcome:
     """Predict normals of a benchmark's objects and store them; what is stored already is not predicted again.
 
@@ -72,6 +74,7 @@ def bench(
     objects : names of some of the objects, "ball,cat"; "": all
     device : "auto", "cpu" or "cuda"
     jobs : objects at a time, each in its own process with its share of the cores; seconds suffer from each other
+    precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
 
     Returns
     -------
@@ -100,9 +103,9 @@ def bench(
             outcome.failures.append(f"{entry.label}: {error}")
             continue
         for dataset in dict.fromkeys(i.dataset for i in chosen):
-            check_config(Path(out) / entry.label / dataset, config | {"benchmark": benchmark})
+            check_config(Path(out) / entry.label / dataset, config | {"benchmark": benchmark, "precision": precision})
         ready.append(entry)
-    run = partial(run_object, contest=ready, plan=plan, out=Path(out), device=device, jobs=jobs)
+    run = partial(run_object, contest=ready, plan=plan, out=Path(out), device=device, precision=precision, jobs=jobs)
     with progress(f"{benchmark}: {len(chosen)} objects", len(chosen)) as advance:
         for done in _each(run, chosen, jobs):
             outcome.add(done)
@@ -110,8 +113,12 @@ def bench(
     return outcome
 
 
-def run_object(item: Item, contest: list[Entry], plan: Plan, out: Path, device: str, jobs: int = 1) -> Outcome:
+def run_object(
+    item: Item, contest: list[Entry], plan: Plan, out: Path, device: str, precision: Precision = "auto", jobs: int = 1
+) -> Outcome:
     """Every method on every selection of one object."""
+    from photonormal.solve.learned.processor import computing_in
+
     outcome = Outcome()
     try:
         capture = item.load()
@@ -132,7 +139,8 @@ def run_object(item: Item, contest: list[Entry], plan: Plan, out: Path, device: 
             try:
                 if read is None:
                     read = _read(capture)
-                _predict(path, item, capture, entry, selection, device, read, jobs)
+                with computing_in(precision):
+                    _predict(path, item, capture, entry, selection, device, read, jobs)
                 outcome.predicted += 1
             except Exception as error:  # whatever a method fails with, the others go on
                 log.debug("%s on %s", entry.label, item.name, exc_info=True)
@@ -159,6 +167,7 @@ def _predict(
     """One method on one selection, measured and stored."""
     from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
     from photonormal.solve import run
+    from photonormal.solve.learned.processor import number_format
     from photonormal.solve.observations import torch_device
 
     where = torch_device(device)
@@ -180,6 +189,7 @@ def _predict(
         "peak_memory_mb": peak_mb(),
         "gpu_memory_mb": gpu_peak_mb() if where.type == "cuda" else None,
         "device": str(where),
+        "precision": number_format(where) if hasattr(solver, "weights_sha256") else None,
         "processor": processor(),
         "cores": cores(),
         "jobs": jobs,

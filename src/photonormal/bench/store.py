@@ -112,8 +112,14 @@ def check_config(folder: Path, config: dict[str, Any]) -> None:
         _write_json(path, config)
         return
     before = read_config(path)
-    for key, what in (("photonormal", "version"), ("method", "method"), ("options", "options"), ("weights_sha256", "")):
-        if before.get(key) != config[key]:
+    for key, what in (
+        ("photonormal", "version"),
+        ("method", "method"),
+        ("options", "options"),
+        ("precision", "precision"),
+        ("weights_sha256", ""),
+    ):
+        if before.get(key, "auto" if key == "precision" else None) != config[key]:
             change = f"{what} {before.get(key)}, not {config[key]}" if what else "other weights"
             raise InputError(f"{folder} was made with {change}; choose another --out or remove that folder.")
 

@@ -10,6 +10,7 @@ import tyro
 from photonormal.cli.measuring import Convert, Integrate, Measure, Methods, Score
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
+from photonormal.options import check
 from photonormal.types import InputError
 
 COMMANDS = (
@@ -28,6 +29,7 @@ def main(arguments: list[str] | None = None) -> int:
             description="Surface normals, depth and meshes from photographs under known lights.",
             args=arguments,
         )
+        check(command, lambda name: f"--{name.replace('_', '-')}")
         code = command()
         sys.stdout.flush()  # a reader that has gone, such as `head`, shows here
         return code

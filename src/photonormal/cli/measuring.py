@@ -11,6 +11,7 @@ from typing import Annotated
 import tyro
 from tyro.conf import Positional
 
+from photonormal.options import Device, Positive, Precision
 from photonormal.solve import DEFAULT, METHODS, method_class, parse
 from photonormal.types import InputError
 
@@ -45,11 +46,11 @@ class Photographs:
     """Replace pixels that stand out of their surroundings in the dark picture, or in all photographs."""
     lens: Path | None = None
     """Lens calibration that OpenCV wrote (.yml), whose distortion is taken out."""
-    mm_per_px: float | None = None
+    mm_per_px: Positive | None = None
     """Millimetres that a pixel is wide on the object: lights are near, and their file holds positions in mm."""
-    dome_radius_mm: float | None = None
+    dome_radius_mm: Positive | None = None
     """Lamps are this far from the object's middle, in the directions that their file holds; with --mm-per-px."""
-    focal_px: float | None = None
+    focal_px: Positive | None = None
     """Focal length in pixels, for a camera near the object; with --mm-per-px."""
 
 
@@ -66,8 +67,10 @@ class Measure:
     """Folder for the results; it is written whole or not at all."""
     method: str = DEFAULT
     """One of `photonormal methods`, with options if need be, such as normalnet:rotations=4."""
-    device: str = "auto"
+    device: Device = "auto"
     """auto, cpu or cuda."""
+    precision: Precision = "auto"
+    """What networks compute in: float32 or bf16; auto: bf16 where the machine has instructions for it."""
     normals_frame: str = "opengl"
     """Frame of normals.png: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
     integration: str = "quadratic"
@@ -90,6 +93,7 @@ class Measure:
             method=method,
             options=options,
             device=self.device,
+            precision=self.precision,
             mesh=self.mesh,
             overwrite=self.overwrite,
             integration=self.integration,

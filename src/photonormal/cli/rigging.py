@@ -9,6 +9,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from photonormal.cli.measuring import Photographs, Read
+from photonormal.options import Count, Positive
 
 
 @dataclass(frozen=True)
@@ -23,11 +24,11 @@ class Calibrate:
     """File to write; light_directions.txt, a JSON report and a picture of what was found are written beside it."""
     circle: tuple[str, ...] = ()
     """Outlines x,y,r in pixels from the upper left, one for each sphere; found where none are given."""
-    count: int = 1
+    count: Count = 1
     """Spheres that each photograph shows."""
-    focal_px: float | None = None
+    focal_px: Positive | None = None
     """Focal length in pixels, for spheres near the camera; a camera far away without it."""
-    radius_mm: float | None = None
+    radius_mm: Positive | None = None
     """The spheres' radius; with two or more in one frame the lights' positions are found too."""
     frame: str = "opengl"
     """Frame of what is written: opengl (y up, z to the camera), directx (y down) or y-down (and z away)."""

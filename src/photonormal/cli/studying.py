@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+from photonormal.options import Angle, Count, Device, Positive, Precision, Seed, Whole
 from photonormal.types import InputError
 
 
@@ -25,15 +26,17 @@ class Bench:
     """Methods like woodham,l1; one may enter again as label=method:option=value."""
     images: str = "all"
     """How many images: all, or counts like 10 or 8,16,96."""
-    draws: int = 10
+    draws: Whole = 10
     """Random draws of fixed seeds where fewer than all images are used, besides the one of PS-FCN's code."""
     fixed: tuple[Path, ...] = ()
     """Text files with image numbers like 1-10,15, or lines `object: 1-10,15`."""
     objects: str = ""
     """Only these objects, like ball,cat."""
-    device: str = "auto"
+    device: Device = "auto"
     """auto, cpu or cuda."""
-    jobs: int = 1
+    precision: Precision = "auto"
+    """What networks compute in: float32 or bf16; auto: bf16 where the machine has instructions for it."""
+    jobs: Count = 1
     """Objects at a time; more than one disturbs the seconds measured."""
 
     def __call__(self) -> int:
@@ -49,6 +52,7 @@ class Bench:
             fixed=self.fixed,
             objects=self.objects,
             device=self.device,
+            precision=self.precision,
             jobs=self.jobs,
         )
         for failure in done.failures:
@@ -104,7 +108,7 @@ class Figure:
     """Only these, like woodham,l1, in this order."""
     objects: str = ""
     """Only these, like ball,cat, in this order."""
-    limit: float | None = None
+    limit: Angle | None = None
     """Error in degrees of the last colour of error maps."""
 
     def __call__(self) -> int:
@@ -164,15 +168,15 @@ class Render:
     """One of photonormal.synth.RECIPES: demo, train, validation, ..."""
     out: Path
     """Folder to write; it must not exist yet, or be empty."""
-    count: int = 1
+    count: Count = 1
     """How many samples."""
     preview: bool = False
     """Write contact-sheet.png, too."""
     layout: str | None = None
     """diligent (a folder each, for `measure`), blobby or shards; by default the recipe's own."""
-    device: str = "auto"
+    device: Device = "auto"
     """auto, cpu or cuda."""
-    seed: int = 0
+    seed: Seed = 0
     """Another seed, other samples."""
 
     def __call__(self) -> int:
@@ -204,20 +208,22 @@ class Train:
     """One of photonormal.train.recipes.RECIPES: paper, cpu, normalnet, ..."""
     out: Path
     """Folder for checkpoint, journal, TensorBoard and weights."""
-    minutes: float | None = None
+    minutes: Positive | None = None
     """Time to stop after; the schedule stretches to it."""
-    steps: int | None = None
+    steps: Count | None = None
     """Length in place of the recipe's."""
     resume: bool = False
     """Go on from the checkpoint in OUT."""
-    device: str = "auto"
+    device: Device = "auto"
     """auto, cpu or cuda; several by torchrun."""
-    seed: int = 0
+    seed: Seed = 0
     """Of the weights and of the scenes: another seed never sees the same ones."""
     start_from: Path | None = None
     """Weights file to begin with, in place of random weights."""
     name: str = ""
     """Of the weights file; by default the recipe's."""
+    precision: Precision = "auto"
+    """What the network computes in: float32 or bf16; auto: as before with --resume, else as `measure` does."""
 
     def __call__(self) -> int:
         import logging
@@ -236,6 +242,7 @@ class Train:
                 seed=self.seed,
                 start_from=self.start_from,
                 name=self.name,
+                precision=self.precision,
             )
         )
         return 0

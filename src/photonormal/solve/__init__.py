@@ -6,9 +6,9 @@ import dataclasses
 import re
 from collections.abc import Callable
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from photonormal.options import check
 from photonormal.types import Capture, InputError, Normals
 
 if TYPE_CHECKING:
@@ -63,18 +63,23 @@ def _fields(method: str, options: dict[str, Any]) -> dict[str, Any]:
 def _value(method: str, name: str, text: str, default: Any) -> Any:
     """A value of the default's type."""
     kind = type(default)
+    if kind not in (bool, int, float, str):
+        raise InputError(f"{method} can't be given {name} as text; set it from Python.")
     try:
-        if kind is bool:
-            return {"true": True, "1": True, "false": False, "0": False}[text.lower()]
-        return kind(text) if kind in (int, float, str) else Path(text) if isinstance(default, Path) else text
+        return {"true": True, "1": True, "false": False, "0": False}[text.lower()] if kind is bool else kind(text)
     except (ValueError, KeyError):
         raise InputError(f"{method} has {name}={default!r} but {text!r} came; give a {kind.__name__}.") from None
 
 
 def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], Normals]:
-    """A method with its options set; InputError names what exists where the method or an option does not."""
+    """A method with its options set; InputError names what exists where the method or an option does not.
+
+    It also names an option whose value makes no sense, and what is needed.
+    """
     _fields(method, options)
-    return method_class(method)(**options)
+    configured = method_class(method)(**options)
+    check(configured, lambda name: f"{method} with {name}")
+    return configured
 
 
 def run(method: Callable[[Capture, torch.device], Normals], capture: Capture, device: torch.device) -> Normals:

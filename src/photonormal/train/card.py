@@ -42,6 +42,7 @@ def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None
             "software",
             f"photonormal {photonormal.__version__}, torch {torch.__version__}, Python {platform.python_version()}",
         ),
+        ("learned in", trained["precision"]),
         ("numbers", "bf16"),
         ("licence", LICENCE),
         ("sha256", digest),

@@ -36,7 +36,7 @@ def load(out: Path, recipe: dict[str, Any]) -> dict[str, Any]:
     differs = sorted(k for k in recipe if _plain(recipe[k]) != _plain(state["recipe"].get(k)))
     if differs:
         raise InputError(f"checkpoint {path} has another {differs[0]} than this recipe; resume with its own recipe.")
-    return state
+    return {"precision": None} | state
 
 
 def _plain(value: Any) -> Any:

@@ -19,8 +19,9 @@ from typing import Any
 import torch
 
 import photonormal
+from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.solve.learned.network import Network, placed
-from photonormal.solve.learned.processor import bf16_pays, keep_freed_memory
+from photonormal.solve.learned.processor import computing_in, keep_freed_memory, number_format
 from photonormal.solve.learned.weights import build, checksum, load
 from photonormal.train import checkpoint, recipes
 from photonormal.train.card import device_name, export
@@ -51,6 +52,7 @@ def train(
     name: str = "",
     seed: int | None = None,
     start_from: str | Path | None = None,
+    precision: Precision = "auto",
 ) -> Path:
     """Train the network of a recipe; returns the weights file, `out`/NAME.safetensors, its card beside it.
 
@@ -67,24 +69,31 @@ def train(
     name : of the weights file; empty: the recipe's name
     seed : in place of the recipe's
     start_from : weights file to begin with, in place of random weights
+    precision : "float32" or "bf16" inside the network; "auto": the checkpoint's, or as the machine has instructions for
 
     Raises
     ------
     InputError
-        If the recipe or the device does not exist, `out` holds another training, or there is nothing to resume.
+        If the recipe or the device does not exist, an option makes no sense, `out` holds another training, or there is
+        nothing to resume.
     """
     called = recipe if isinstance(recipe, str) else "RECIPE"
     name = name or (recipe if isinstance(recipe, str) else recipe.network)
     recipe = recipes.recipe(recipe) if isinstance(recipe, str) else recipe
     recipe = recipe if seed is None else replace(recipe, seed=seed)
-    out, steps = Path(out), steps or recipe.steps
+    out, steps = Path(out), recipe.steps if steps is None else steps
+    check_value(steps, Count, "steps")
+    check_value(minutes, Positive | None, "minutes")
     keep_freed_memory()
-    fabric = launched(device, changing=recipe.once > 0)
+    state = checkpoint.load(out, recipe.as_dict()) if resume else None
+    precision = agreed(precision, state, device)
+    fabric = launched(device, precision, changing=recipe.once > 0)
     rank, world = fabric.global_rank, fabric.world_size
     if recipe.batch % world:
         raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
     begun = load(Path(start_from), recipe.network) if start_from else None
-    state = prepared(out, recipe, resume, rank)
+    if not resume and rank == 0:
+        started(out)
     stream = stream or rendered()
 
     torch.manual_seed(recipe.seed)
@@ -116,8 +125,9 @@ def train(
         """Errors on every exam and on the real objects, written into the journal."""
         assert journal is not None
         best = averaged(net, mean)
-        found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
-        found["real"] = on_real(best, fabric.device, recipe.passes)
+        with computing_in(precision):
+            found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
+            found["real"] = on_real(best, fabric.device, recipe.passes)
         for kind, errors in found.items():
             journal.write(step, kind, errors)
         return found
@@ -129,7 +139,7 @@ def train(
         now = time.monotonic()
         if last or now - saved >= save_seconds:
             weights, state = net.state_dict(), optimiser.state_dict()
-            told = {"step": step, "seconds": before + now - start, "recipe": recipe.as_dict()}
+            told = {"step": step, "seconds": before + now - start, "recipe": recipe.as_dict(), "precision": precision}
             checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
             saved = now
         if step % recipe.validate == 0 and not last:
@@ -141,7 +151,7 @@ def train(
             seconds = torch.tensor(before + time.monotonic() - start, device=fabric.device)
             spent = float(fabric.all_reduce(seconds, reduce_op="max")) / 60  # all processes stop at the same step
         fraction = max(step / steps, spent / minutes if minutes else 0.0)
-        if fraction >= 1:
+        if fraction >= 1 and step:  # never a network of random weights
             break
         share = recipe.share(step, fraction)
         seen = observe(next(batches), recipe, net.scaling, step, rank)
@@ -174,6 +184,7 @@ def train(
             "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name),
             "began_with": checksum(Path(start_from)) if start_from else "random weights",
             "device": f"{world} x {device_name(fabric.device)}",
+            "precision": precision,
         }
         export(out, name, averaged(net, mean), told | version())
         journal.close()
@@ -196,8 +207,22 @@ def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, 
     return (e * mask[:, 0]).sum() / pixels
 
 
-def launched(device: str, changing: bool = False) -> Any:
-    """Fabric on one device, or on torchrun's processes, with bf16 inside the network where that pays.
+def agreed(asked: Precision, state: dict[str, Any] | None, device: str) -> Precision:
+    """The number format of a training: its checkpoint's, or the one asked for."""
+    from photonormal.solve.observations import torch_device
+
+    with computing_in(asked):
+        found = number_format(torch_device(device))
+    kept = state["precision"] if state else None
+    if kept is None or kept == found:
+        return found
+    if asked != "auto":
+        raise InputError(f"--precision {asked} came but this training computes in {kept}; leave it out to go on.")
+    return kept
+
+
+def launched(device: str, precision: Precision, changing: bool = False) -> Any:
+    """Fabric on one device, or on torchrun's processes, with `precision` inside the network.
 
     `changing` where not every step uses all parts of the network.
     """
@@ -218,7 +243,7 @@ def launched(device: str, changing: bool = False) -> Any:
         devices=processes,
         num_nodes=nodes,
         strategy=("ddp_find_unused_parameters_true" if changing else "ddp") if processes * nodes > 1 else "auto",
-        precision="bf16-mixed" if bf16_pays(kind) else "32-true",
+        precision="bf16-mixed" if precision == "bf16" else "32-true",
     )
     fabric.launch()
     return fabric
@@ -237,15 +262,11 @@ def begin(net: Network, begun: Network) -> None:
     net.load_state_dict(new | weights)
 
 
-def prepared(out: Path, recipe: Recipe, resume: bool, rank: int) -> dict[str, Any] | None:
-    """The checkpoint to resume from, or None; refuses to write over another training."""
-    if resume:
-        return checkpoint.load(out, recipe.as_dict())
-    if rank == 0:
-        if (out / checkpoint.NAME).exists():
-            raise InputError(f"{out} already holds a training; resume it with --resume or choose another folder.")
-        out.mkdir(parents=True, exist_ok=True)
-    return None
+def started(out: Path) -> None:
+    """Make the folder of a training; refuses to write over another one."""
+    if (out / checkpoint.NAME).exists():
+        raise InputError(f"{out} already holds a training; resume it with --resume or choose another folder.")
+    out.mkdir(parents=True, exist_ok=True)
 
 
 def rendered() -> Callable[..., Iterable]:

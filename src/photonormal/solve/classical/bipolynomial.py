@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Degree, NotNegative, Whole
 from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.trimmed import Trimmed
@@ -33,12 +34,12 @@ class Bipolynomial:
     rounds : of finding C, then the normal
     """
 
-    degree: int = 2
-    ridge: float = 3e-3
-    ridge_metal: float = 1e-4
+    degree: Degree = 2
+    ridge: NotNegative = 3e-3
+    ridge_metal: NotNegative = 1e-4
     window: Trimmed = field(default=Trimmed())
     metal: Monotonic = field(default=Monotonic())
-    rounds: int = 6
+    rounds: Whole = 6
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(6, capture, "bipolynomial")

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Degree, NotNegative, Positive, Whole
 from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
 from photonormal.solve.classical.trimmed import Trimmed
@@ -40,16 +41,16 @@ class Bivariate:
     degree_half, bend_half, spread_half : the same for n.h = g(sqrt I)
     """
 
-    degree_intensity: int = 2
-    degree_light: int = 1
-    bend: float = 3e-3
-    spread: float = 0.03
+    degree_intensity: Degree = 2
+    degree_light: Degree = 1
+    bend: NotNegative = 3e-3
+    spread: Positive = 0.03
     window: Trimmed = field(default=Trimmed(lowest=0.0, highest=0.75, least=12))
     start: Trimmed = field(default=Trimmed())
-    rounds: int = 5
-    degree_half: int = 4
-    bend_half: float = 1e-4
-    spread_half: float = 0.015
+    rounds: Whole = 5
+    degree_half: Degree = 4
+    bend_half: NotNegative = 1e-4
+    spread_half: Positive = 0.015
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(6, capture, "bivariate")

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.geometry import fibonacci_hemisphere
+from photonormal.options import Angle, Effort, NotNegative, Positive
 from photonormal.shading import over_lights
 from photonormal.solve.classical.triplets import by_direction
 from photonormal.solve.observations import at_least, normalised, per_lit_pixel, seen_from
@@ -37,13 +38,13 @@ class Consensus:
     tie : share of all votes within which candidates count as equal
     """
 
-    coarse: int = 400
-    fine: int = 20000
-    reach_deg: float = 8.0
-    pairs: int = 4000
-    noise: float = 0.01
-    visible: float = 2.5
-    tie: float = 0.003
+    coarse: Effort = 400
+    fine: Effort = 20000
+    reach_deg: Angle = 8.0
+    pairs: Effort = 4000
+    noise: Positive = 0.01
+    visible: Positive = 2.5
+    tie: NotNegative = 0.003
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(6, capture, "consensus")

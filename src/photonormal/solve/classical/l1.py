@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort, Positive
 from photonormal.shading import cosines
 from photonormal.solve.classical.woodham import weighted_normals
 from photonormal.solve.observations import at_least, lit, normalised, per_lit_pixel
@@ -26,8 +27,8 @@ class L1:
     smallest : residual, relative to the pixel's brightest sample, below which weights grow no more
     """
 
-    steps: int = 30
-    smallest: float = 1e-4
+    steps: Effort = 30
+    smallest: Positive = 1e-4
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(4, capture, "l1")

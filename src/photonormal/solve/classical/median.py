@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort, Seed
 from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
 from photonormal.solve.classical.woodham import scaled_normals
 from photonormal.solve.observations import normalised, per_lit_pixel
@@ -26,8 +27,8 @@ class Median:
     seed : of their choice
     """
 
-    triplets: int = 300
-    seed: int = 0
+    triplets: Effort = 300
+    seed: Seed = 0
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         return per_lit_pixel(self.fit, capture, device, torch.float32)

@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Angle, NotNegative, Share
 from photonormal.shading import cosines, half_vectors
 from photonormal.solve.classical.bivariate import Bivariate
 from photonormal.solve.observations import ascending_order, at_least, normalised, per_lit_pixel
@@ -33,10 +34,10 @@ class Monotonic:
     """
 
     azimuth: Bivariate = field(default=Bivariate())
-    rise: float = 0.3
-    limit: float = 0.2
-    least_cosine: float = 0.1
-    grid_deg: float = 3.0
+    rise: NotNegative = 0.3
+    limit: NotNegative = 0.2
+    least_cosine: Share = 0.1
+    grid_deg: Angle = 3.0
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(6, capture, "monotonic")

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort, Positive, Seed, Whole
 from photonormal.shading import cosines
 from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
 from photonormal.solve.classical.woodham import weighted_normals
@@ -29,10 +30,10 @@ class Ransac:
     seed : of the hypotheses' choice
     """
 
-    tolerance: float = 0.05
-    triplets: int = 100
-    refits: int = 3
-    seed: int = 0
+    tolerance: Positive = 0.05
+    triplets: Effort = 100
+    refits: Whole = 3
+    seed: Seed = 0
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(4, capture, "ransac")

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort, Positive
 from photonormal.solve.classical.woodham import scaled_normals
 from photonormal.solve.observations import at_least, grey_levels, lights_of, lit, normalised, on_mask
 from photonormal.types import Capture, Normals
@@ -30,10 +31,10 @@ class RPCA:
     steps : at most
     """
 
-    sparsity: float = 0.6
-    growth: float = 1.5
-    tolerance: float = 1e-4
-    steps: int = 60
+    sparsity: Positive = 0.6
+    growth: Positive = 1.5
+    tolerance: Positive = 1e-4
+    steps: Effort = 60
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(4, capture, "rpca")

@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort, Positive
 from photonormal.shading import cosines, over_lights
 from photonormal.solve.classical.woodham import pairs, scaled_normals, symmetric_inverse, symmetric_product
 from photonormal.solve.observations import at_least, normalised, per_lit_pixel
@@ -26,8 +27,8 @@ class SBL:
     steps : EM rounds
     """
 
-    noise: float = 1e-4
-    steps: int = 40
+    noise: Positive = 1e-4
+    steps: Effort = 40
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         at_least(4, capture, "sbl")

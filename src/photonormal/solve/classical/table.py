@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort
 from photonormal.shading import cosines, half_vectors, shade
 from photonormal.solve.classical.alternation import Alternation
 from photonormal.solve.observations import at_least
@@ -30,8 +31,8 @@ class Table:
     alternation : of reading off, then refining
     """
 
-    half: int = 40
-    difference: int = 4
+    half: Effort = 40
+    difference: Effort = 4
     smooth: tuple[float, float] = (0.7, 0.8)
     alternation: Alternation = field(default=Alternation(sample=6000, rounds=4))
 

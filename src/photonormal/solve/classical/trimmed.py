@@ -8,9 +8,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.options import Effort, Share
 from photonormal.solve.classical.woodham import weighted_normals
 from photonormal.solve.observations import ascending, lit, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.types import Capture, InputError, Normals
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,15 @@ class Trimmed:
     least : samples that the window holds at least; few lights widen it
     """
 
-    lowest: float = 0.1
-    highest: float = 0.6
-    least: int = 6
+    lowest: Share = 0.1
+    highest: Share = 0.6
+    least: Effort = 6
+
+    def __post_init__(self) -> None:
+        if self.lowest >= self.highest:
+            raise InputError(
+                f"a window of ranks from lowest={self.lowest} to highest={self.highest} is empty; give a higher end."
+            )
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:
         return per_lit_pixel(self.fit, capture, device, torch.float32)

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import torch
 
+from photonormal.options import Rotations
 from photonormal.solve.learned.weights import checksum, shipped
 from photonormal.types import Capture, Normals
 
@@ -24,7 +25,7 @@ class Learned(ABC):
     """
 
     weights: str = ""
-    rotations: int = 1
+    rotations: Rotations = 1
     name: ClassVar[str]  # in METHODS, and of the weights that come with the package
 
     @abstractmethod

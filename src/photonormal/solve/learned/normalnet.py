@@ -17,6 +17,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from photonormal.options import Effort
 from photonormal.solve.learned.layers import SLOPE, Block, conv
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
@@ -332,7 +333,7 @@ class NormalNetMethod(Learned):
     """
 
     prior: str = ""
-    passes: int = 2
+    passes: Effort = 2
     name = "normalnet"
 
     def __call__(self, capture: Capture, device: torch.device) -> Normals:

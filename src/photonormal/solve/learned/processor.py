@@ -1,46 +1,56 @@
-"""What a machine does best, measured once per process: number format of the inner layers, memory kept for reuse."""
+"""What a machine does best: number format of the inner layers, by its instructions, and memory kept for reuse."""
 
 from __future__ import annotations
 
 import ctypes
+import platform
 import sys
-import time
-from contextlib import AbstractContextManager, nullcontext
-from functools import cache
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextvars import ContextVar
+from typing import Literal
 
 import torch
-from torch import nn
 
-GAIN = 1.5  # bf16 is used where it is at least so much faster than float32
+from photonormal.options import Precision, check_value
 
-
-@cache
-def bf16_pays(device_type: str) -> bool:
-    """Whether convolutions in bf16 are faster than in float32: on GPUs that know it, on processors with AMX."""
-    if device_type == "cuda":
-        return torch.cuda.is_bf16_supported()
-    if device_type != "cpu" or not torch.backends.mkldnn.is_available():
-        return False
-    layer = nn.Conv2d(64, 64, 3, padding=1).to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-    x = torch.zeros(1, 64, 64, 64).contiguous(memory_format=torch.channels_last)  # about 5 ms in float32
-    seconds = {}
-    with torch.inference_mode():
-        for dtype in (torch.float32, torch.bfloat16):
-            net, y = layer.to(dtype), x.to(dtype)
-            net(y)
-            seconds[dtype] = min(_seconds(net, y) for _ in range(3))
-    return seconds[torch.float32] > GAIN * seconds[torch.bfloat16]
+_asked: ContextVar[Precision] = ContextVar("precision", default="auto")
 
 
-def _seconds(net: nn.Module, x: torch.Tensor) -> float:
-    start = time.perf_counter()
-    net(x)
-    return time.perf_counter() - start
+@contextmanager
+def computing_in(asked: Precision) -> Iterator[None]:
+    """Networks compute in `asked` inside the block; "auto": in bf16 where the machine has instructions for it."""
+    check_value(asked, Precision, "precision")
+    before = _asked.set(asked)
+    try:
+        yield
+    finally:
+        _asked.reset(before)
+
+
+def number_format(device: torch.device) -> Literal["float32", "bf16"]:
+    """What networks compute in on a device: the same in every process on the same machine, however busy it is."""
+    asked = _asked.get()
+    if asked == "auto":
+        return "bf16" if knows_bf16(device.type) else "float32"
+    return asked
 
 
 def inner_precision(device: torch.device) -> AbstractContextManager:
-    """Autocast to bf16 where that pays, else nothing."""
-    return torch.autocast(device.type, torch.bfloat16) if bf16_pays(device.type) else nullcontext()
+    """Autocast to bf16 where that is the number format, else nothing."""
+    return torch.autocast(device.type, torch.bfloat16) if number_format(device) == "bf16" else nullcontext()
+
+
+def knows_bf16(device_type: str) -> bool:
+    """Whether a GPU, or a processor (AVX-512 BF16 or AMX of x86, BF16 of ARM), multiplies bf16 by own instructions."""
+    if device_type == "cuda":
+        return torch.cuda.is_bf16_supported(including_emulation=False)
+    if device_type != "cpu" or not torch.backends.mkldnn.is_available():
+        return False
+    if platform.machine().lower() in ("aarch64", "arm64"):
+        return torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    known = (getattr(torch.cpu, f"_is_{name}_supported", None) for name in ("avx512_bf16", "amx_tile"))
+    return any(ask() for ask in known if ask is not None)  # a torch that can't tell: float32
 
 
 def keep_freed_memory() -> None:

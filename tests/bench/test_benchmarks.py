@@ -8,9 +8,9 @@ import pytest
 
 from photonormal.bench import bench
 from photonormal.bench.benchmarks import items
-from photonormal.bench.protocol import validation_crop
 from photonormal.bench.tables import tables
 from photonormal.capture import load
+from photonormal.capture.augmentation import NOISE, augmented
 from photonormal.types import InputError, Normals
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
@@ -114,7 +114,7 @@ def test_blobby_is_scored_clean_and_as_the_paper_validates(blobby, tmp_path):
 
 def test_the_paper_s_crop_repeats_and_stays_in_its_limits(blobby):
     whole = load(blobby / "Images" / "blob01" / "matt")
-    a, b, c = (validation_crop(whole, seed) for seed in (1, 1, 2))
+    a, b, c = (augmented(whole, np.random.default_rng(seed)) for seed in (1, 1, 2))
     assert a.images.shape == (32, 32, 32, 3) and (np.asarray(a.images) == np.asarray(b.images)).all()
     assert np.asarray(c.images).shape == a.images.shape and (np.asarray(a.images) != np.asarray(c.images)).any()
     assert np.asarray(a.images).max() <= 2.025 and np.asarray(a.images).min() >= -0.025
@@ -123,16 +123,15 @@ def test_the_paper_s_crop_repeats_and_stays_in_its_limits(blobby):
 
 def test_the_paper_s_crop_leaves_normals_right(blobby):
     """Without noise, least squares on a crop of a matt sphere finds the crop's own normals where all lights reach."""
-    from photonormal.bench import protocol
     from photonormal.geometry import angle_deg
     from photonormal.solve import solve
 
     whole = load(blobby / "Images" / "blob01" / "matt")
-    crop = validation_crop(whole, 5)
+    crop = augmented(whole, np.random.default_rng(5))
     lit = crop.mask & (crop.truth.map @ np.asarray(crop.lights, np.float32).T > 0.1).all(-1)
     assert lit.sum() > 20
     error = angle_deg(solve(crop, "woodham").map[lit], crop.truth.map[lit])
-    assert np.median(error) < 20 * protocol.NOISE * 10
+    assert np.median(error) < 20 * NOISE * 10
 
 
 @pytest.mark.parametrize("which", ["diligent", "materials", "cycles", "blobby", "lightstage"])

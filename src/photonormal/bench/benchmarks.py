@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from photonormal.capture import load
 from photonormal.capture.assemble import natural
 from photonormal.types import Capture, InputError
@@ -54,9 +56,9 @@ class Item:
         if self.truth and capture.truth is None:
             raise InputError(f"{self.path} has no true normals to score against; add them or remove the object.")
         if self.protocol == "paper":
-            from photonormal.bench.protocol import validation_crop
+            from photonormal.capture.augmentation import augmented
 
-            return validation_crop(capture, self.index)
+            return augmented(capture, np.random.default_rng(self.index))
         return capture
 
 

@@ -23,24 +23,30 @@ from photonormal.types import Capture, InputError
 
 def matches(path: Path) -> bool:
     """True for a material's folder inside a shape's folder."""
-    return os.path.isfile(_list(path)) and os.path.isfile(_normal(path))
+    return os.path.isfile(_list(path)) and os.path.isfile(normal_map(path))
 
 
 def read(path: Path, choice: Choice) -> Capture:
     """The sample in a material's folder; its mask is where the normal map holds a normal."""
-    names, lights = read_named(read_lines(_list(path)), _list(path))
-    map = decode(_normal(path))
+    pictures, lights = listed(path)
+    map = decode(normal_map(path))
     truth = map / full_scale(map) * 2 - 1
     length = np.linalg.norm(truth, axis=-1, keepdims=True)
     truth = np.where(length > 0.1, truth / length.clip(1e-6), 0)  # background is 127, which is -0.004
     return assemble(
         name=f"{path.resolve().parent.name}/{path.resolve().name}",
-        pictures=[path / last_part(n) for n in names],
+        pictures=pictures,
         lights=lights,
         mask=np.linalg.norm(truth, axis=-1) > 0.5,
         truth=truth,
         choice=choice,
     )
+
+
+def listed(path: Path) -> tuple[list[Path], np.ndarray]:
+    """The pictures that a sample's list names, and their lights (n, 3) as written."""
+    names, lights = read_named(read_lines(_list(path)), _list(path))
+    return [path / last_part(n) for n in names], lights
 
 
 def samples(root: Path) -> list[Path]:
@@ -56,6 +62,7 @@ def _list(path: Path) -> Path:
     return path / f"{path.parent.name}_{path.name}.txt"
 
 
-def _normal(path: Path) -> Path:
+def normal_map(path: Path) -> Path:
+    """The picture with the normals of a sample's shape."""
     shape = path.resolve().parent
     return shape / f"{shape.name}_normal.png"

@@ -26,13 +26,13 @@ NEEDED = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
 
 def matches(path: Path) -> bool:
     """True for an object's folder, and for a folder of objects, which `read` answers with their names."""
-    return _is_object(path) or bool(objects(path))
+    return is_object(path) or bool(objects(path))
 
 
 def objects(root: Path) -> list[Path]:
     """Object folders of the benchmark, given `DiLiGenT`, `DiLiGenT/pmsData` or any folder of objects."""
     for folder in (root / "pmsData", root):
-        found = [p for p in sorted(folder.iterdir()) if _is_object(p)] if os.path.isdir(folder) else []
+        found = [p for p in sorted(folder.iterdir()) if is_object(p)] if os.path.isdir(folder) else []
         if found:
             return found
     return []
@@ -40,7 +40,7 @@ def objects(root: Path) -> list[Path]:
 
 def read(path: Path, choice: Choice) -> Capture:
     """One object; a folder of objects is an error that lists them."""
-    if not _is_object(path) and (found := objects(path)):
+    if not is_object(path) and (found := objects(path)):
         raise InputError(
             f"{path} holds {len(found)} objects but one is measured at a time; choose from "
             f"{', '.join(str(p) for p in found)}."
@@ -65,5 +65,6 @@ def read_normals(path: Path) -> np.ndarray:
     return normals
 
 
-def _is_object(folder: Path) -> bool:
+def is_object(folder: Path) -> bool:
+    """True for one object's folder."""
     return all(os.path.isfile(folder / name) for name in NEEDED)

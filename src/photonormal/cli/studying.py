@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from tyro.conf import Positional
+from tyro.conf import Positional, UseAppendAction
 
 from photonormal.options import Angle, Count, Device, Positive, Precision, Seed, Whole
 from photonormal.types import InputError
@@ -208,6 +208,8 @@ class Train:
     """One of photonormal.train.recipes.RECIPES: paper, cpu, normalnet, ..."""
     out: Path
     """Folder for checkpoint, journal, TensorBoard and weights."""
+    data: UseAppendAction[tuple[Path, ...]] = ()
+    """A set to learn from in place of rendered scenes; repeat it for several. Blobby, Sculpture, shards or DiLiGenT."""
     minutes: Positive | None = None
     """Time to stop after; the schedule stretches to it."""
     steps: Count | None = None
@@ -243,6 +245,7 @@ class Train:
                 start_from=self.start_from,
                 name=self.name,
                 precision=self.precision,
+                data=self.data,
             )
         )
         return 0

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,9 @@ import torch
 
 from photonormal.synth.stream import Batch
 from photonormal.types import InputError
+
+RECIPE = "recipe.json"
+TENSORS = ("images", "lights", "normals", "mask")
 
 
 def write_shard(folder: Path, index: int, batch: Batch) -> None:
@@ -34,22 +38,48 @@ def write_shard(folder: Path, index: int, batch: Batch) -> None:
 
 def write_recipe(folder: Path, fields: dict[str, Any]) -> None:
     """What the set was rendered by."""
-    (Path(folder) / "recipe.json").write_text(json.dumps(fields, indent=1) + "\n")
+    (Path(folder) / RECIPE).write_text(json.dumps(fields, indent=1) + "\n")
+
+
+def shard_sizes(folder: Path) -> dict[Path, list[int]]:
+    """The files of a set, in order, and the shape of the images in each, (b, n, 3, h, w), by its header."""
+    paths = sorted(Path(folder).glob("*.safetensors"))
+    if not paths:
+        raise InputError(f"{folder} holds no .safetensors; give a set that `photonormal render` wrote.")
+    sizes = {}
+    for path in paths:
+        with _opened(path) as file:
+            sizes[path] = file.get_slice("images").get_shape()
+            for name in TENSORS:
+                file.get_slice(name)
+    return sizes
+
+
+def read_sample(path: Path, i: int) -> Batch:
+    """Sample `i` of a file, as a batch of one; nothing else of the file is read."""
+    with _opened(path) as file:
+        return _decoded([file.get_slice(name)[i : i + 1] for name in TENSORS])
 
 
 def read_shards(folder: Path, device: torch.device | str = "cpu") -> Iterator[Batch]:
     """The batches of a set, in order."""
-    from safetensors import SafetensorError
-    from safetensors.torch import load_file
+    for path in shard_sizes(folder):
+        with _opened(path) as file:
+            yield _decoded([file.get_tensor(name).to(device) for name in TENSORS])
 
-    paths = sorted(Path(folder).glob("*.safetensors"))
-    if not paths:
-        raise InputError(f"{folder} holds no .safetensors; give a set that `photonormal render` wrote.")
-    for path in paths:
-        try:
-            t = load_file(path, str(device))
-            images = t["images"].to(torch.int32).float() / 65535
-            normals = torch.nn.functional.normalize(t["normals"].float(), dim=1)
-            yield Batch(images, t["lights"], normals, t["mask"].bool())
-        except (SafetensorError, KeyError) as error:
-            raise InputError(f"{path} is not a shard of a rendered set ({error}); render it again.") from None
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(path, framework="pt") as file:
+            yield file
+    except (SafetensorError, OSError) as error:
+        raise InputError(f"{path} is not a shard of a rendered set ({error}); render it again.") from None
+
+
+def _decoded(tensors: list[torch.Tensor]) -> Batch:
+    images, lights, normals, mask = tensors
+    normals = torch.nn.functional.normalize(normals.float(), dim=1)
+    return Batch(images.to(torch.int32).float() / 65535, lights, normals, mask.bool())

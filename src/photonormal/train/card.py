@@ -14,6 +14,12 @@ from photonormal.solve.learned.network import Network, parameters
 from photonormal.solve.learned.weights import save
 
 LICENCE = "MIT"
+TITLES = {  # kind of exam -> its heading
+    "clean": "Rendered scenes, held-out materials",
+    "hemisphere": "The same under lights from everywhere, noisy",
+    "blobby-paper": "Validation samples of the sets on disk, as the paper validates",
+    "real": "Real objects, all images: mean angular error, degrees",
+}
 
 
 def export(out: Path, name: str, net: Network, trained: dict[str, Any]) -> Path:
@@ -28,10 +34,7 @@ def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None
     """Write the card of a weights file."""
     rows = [
         ("network", f"{trained['network']}, {parameters(net):,} parameters: `{net.config}`"),
-        (
-            "learned from",
-            f"scenes rendered by `photonormal.synth`, recipe `{trained['recipe']['stream']}`; no photographs",
-        ),
+        ("learned from", learned_from(trained)),
         ("command", f"`{trained['command']}`"),
         ("began with", trained["began_with"]),
         ("seed", trained["recipe"]["seed"]),
@@ -48,17 +51,22 @@ def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None
         ("sha256", digest),
     ]
     lines = [f"# {path.stem}", "", "| | |", "|---|---|", *[f"| {k} | {v} |" for k, v in rows], ""]
-    titles = {
-        "clean": "Rendered scenes, held-out materials",
-        "hemisphere": "The same under lights from everywhere, noisy",
-        "real": "Real objects, all images: mean angular error, degrees",
-    }
-    for kind, title in titles.items():
-        if errors := trained["errors"][kind]:
+    for kind, title in TITLES.items():
+        if errors := trained["errors"].get(kind):
             lines += [f"## {title}", "", "| " + " | ".join(errors) + " |", "|" + "---|" * len(errors)]
             lines += ["| " + " | ".join(f"{v:.2f}" for v in errors.values()) + " |", ""]
     lines += ["## Recipe", "", "```json", json.dumps(trained["recipe"], indent=2), "```", ""]
     path.with_suffix(".md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def learned_from(trained: dict[str, Any]) -> str:
+    """The scenes or the sets, in words."""
+    if not trained["data"]:
+        return f"scenes rendered by `photonormal.synth`, recipe `{trained['recipe']['stream']}`; no photographs"
+    sets = (
+        f"{s['name']} ({s['layout']}, {s['training']:,} samples, sha256 {s['sha256'][:12]})" for s in trained["data"]
+    )
+    return "sets on disk: " + ", ".join(sets)
 
 
 def device_name(device: torch.device) -> str:

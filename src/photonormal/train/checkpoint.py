@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pickle
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,8 @@ def save(out: Path, state: dict[str, Any]) -> None:
     partial.replace(out / NAME)
 
 
-def load(out: Path, recipe: dict[str, Any]) -> dict[str, Any]:
-    """The checkpoint of `out`, on the processor; InputError if there is none, or one of another recipe."""
+def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
+    """The checkpoint of `out`, on the processor; InputError if there is none, or of another recipe or other data."""
     path = out / NAME
     if not path.is_file():
         raise InputError(f"no checkpoint in {out} to resume from; start without --resume.")
@@ -33,6 +34,14 @@ def load(out: Path, recipe: dict[str, Any]) -> dict[str, Any]:
         state = torch.load(path, map_location="cpu", weights_only=True)
     except (RuntimeError, EOFError, OSError, pickle.UnpicklingError) as error:
         raise InputError(f"checkpoint {path} can't be read ({str(error).splitlines()[0]}); start again.") from None
+    if list(data) != state.get("data", []):
+        came, needed = (
+            ", ".join(s["name"] for s in sets) or "rendered scenes" for sets in (data, state.get("data", []))
+        )
+        raise InputError(
+            f"checkpoint {path} learned from {needed} but {came} came, or what these hold has changed; "
+            "resume with its own --data."
+        )
     differs = sorted(k for k in recipe if _plain(recipe[k]) != _plain(state["recipe"].get(k)))
     if differs:
         raise InputError(f"checkpoint {path} has another {differs[0]} than this recipe; resume with its own recipe.")

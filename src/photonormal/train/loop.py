@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from photonormal.solve.learned.processor import computing_in, keep_freed_memory,
 from photonormal.solve.learned.weights import build, checksum, load
 from photonormal.train import checkpoint, recipes
 from photonormal.train.card import device_name, export
+from photonormal.train.disk import Disk
 from photonormal.train.journal import Journal
 from photonormal.train.observe import Observed, observe
 from photonormal.train.optimiser import Optimiser
@@ -53,6 +54,7 @@ def train(
     seed: int | None = None,
     start_from: str | Path | None = None,
     precision: Precision = "auto",
+    data: Sequence[str | Path] = (),
 ) -> Path:
     """Train the network of a recipe; returns the weights file, `out`/NAME.safetensors, its card beside it.
 
@@ -70,12 +72,14 @@ def train(
     seed : in place of the recipe's
     start_from : weights file to begin with, in place of random weights
     precision : "float32" or "bf16" inside the network; "auto": the checkpoint's, or as the machine has instructions for
+    data : folders of sets to learn from, in place of rendered scenes (`photonormal.train.sets`); each window is then
+        used once, whatever the recipe's `reuse`
 
     Raises
     ------
     InputError
-        If the recipe or the device does not exist, an option makes no sense, `out` holds another training, or there is
-        nothing to resume.
+        If the recipe or the device does not exist, an option makes no sense, `out` holds another training, there is
+        nothing to resume, or a set lacks something; before anything is trained.
     """
     called = recipe if isinstance(recipe, str) else "RECIPE"
     name = name or (recipe if isinstance(recipe, str) else recipe.network)
@@ -85,13 +89,18 @@ def train(
     check_value(steps, Count, "steps")
     check_value(minutes, Positive | None, "minutes")
     keep_freed_memory()
-    state = checkpoint.load(out, recipe.as_dict()) if resume else None
+    disk = Disk(data, recipe) if data else None
+    recipe = replace(recipe, reuse=1) if disk else recipe
+    learned_from = disk.told() if disk else []
+    state = checkpoint.load(out, recipe.as_dict(), learned_from) if resume else None
     precision = agreed(precision, state, device)
     fabric = launched(device, precision, changing=recipe.once > 0)
     rank, world = fabric.global_rank, fabric.world_size
     if recipe.batch % world:
         raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
     begun = load(Path(start_from), recipe.network) if start_from else None
+    if disk and rank == 0:
+        disk.check()
     if not resume and rank == 0:
         started(out)
     stream = stream or rendered()
@@ -114,9 +123,17 @@ def train(
     step, before = (state["step"], state["seconds"]) if state else (0, 0.0)
     # every process renders its own scenes; each has its own seed
     lights = {"lights": (recipe.images[1], recipe.images[1])} | recipe.rendering
-    source = partial(stream, recipe.stream, recipe.batch // world, fabric.device, recipe.seed * 1000 + rank, **lights)
+    source = partial(
+        disk.stream if disk else stream,
+        recipe.stream,
+        recipe.batch // world,
+        fabric.device,
+        recipe.seed * 1000 + rank,
+        **lights,
+    )
     batches = replayed(source, step, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
+    exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
     journal = Journal(out, step, steps, minutes, recipe.loss) if rank == 0 else None
     fabric.barrier()
     start = saved = time.monotonic()
@@ -140,6 +157,7 @@ def train(
         if last or now - saved >= save_seconds:
             weights, state = net.state_dict(), optimiser.state_dict()
             told = {"step": step, "seconds": before + now - start, "recipe": recipe.as_dict(), "precision": precision}
+            told |= {"data": learned_from}
             checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
             saved = now
         if step % recipe.validate == 0 and not last:
@@ -175,13 +193,14 @@ def train(
         spent = (before + time.monotonic() - start) / 60
         told = {
             "recipe": recipe.as_dict(),
+            "data": learned_from,
             "network": recipe.network,
             "steps": step,
             "minutes": spent,
             "errors": validated(),
         }
         told |= {
-            "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name),
+            "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name, data),
             "began_with": checksum(Path(start_from)) if start_from else "random weights",
             "device": f"{world} x {device_name(fabric.device)}",
             "precision": precision,
@@ -306,9 +325,11 @@ def command(
     seed: int,
     begun: str | Path | None,
     name: str,
+    data: Sequence[str | Path] = (),
 ) -> str:
     """The command line that trains this again; RECIPE stands for one without a name, whose fields the card lists."""
     run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
     words = [run, "train", recipe, "--out", str(out), f"--minutes {minutes:g}" if minutes else f"--steps {steps}"]
+    words += [f"--data {folder}" for folder in data]
     words += [f"--seed {seed}"] * bool(seed) + [f"--start-from {begun}"] * bool(begun)
     return " ".join(words + [f"--name {name}"] * (name != recipe))

@@ -22,7 +22,7 @@ FILES |= {"expected-error.png"}
 def folder(tmp_path):
     """A matt sphere under nine lights, as a DiLiGenT object in a folder with blanks and letters beyond ASCII."""
     path = tmp_path / "mein Gefäß 壺"
-    write_diligent(path, lambertian(sphere(), ring(8, 70)))
+    write_diligent(path, lambertian(sphere(), ring(8, 50)))
     return path
 
 
@@ -38,7 +38,7 @@ def test_every_file_is_written_and_the_normals_are_right(folder, tmp_path, capsy
     assert {p.name for p in (tmp_path / "result").iterdir()} == FILES
     report = json.loads((tmp_path / "result" / "report.json").read_text())
     assert report["lights"] == 9 and report["pixels"]["dark"] == 0 and report["method"] == DEFAULT
-    assert set(report["seconds"]) == {"read", "solve", "albedo", "integrate", "export"}
+    assert set(report["seconds"]) == {"read", "check", "solve", "albedo", "integrate", "export"}
     assert report["score"]["mean_deg"] < 2  # a few lights leave the rim in attached shadow
     assert "degrees against the true normals" in out
 
@@ -114,7 +114,7 @@ def test_saturation_is_counted_and_warned_about(tmp_path, capsys):
     samples = json.loads((tmp_path / "result" / "report.json").read_text())["samples"]
     inside = np.stack([np.asarray(capture.images[j])[capture.mask] for j in range(9)])
     assert code == 0 and samples["saturated_percent"] == pytest.approx(100 * (inside >= 1 - 1e-5).mean(), abs=0.1)
-    assert "saturated; expose less" in err
+    assert "saturated" in err and "expose them less" in err
 
 
 def test_images_cut_from_the_frame_stay_in_the_frame(folder, tmp_path, capsys):

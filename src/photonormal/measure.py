@@ -7,7 +7,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ import numpy as np
 
 import photonormal
 from photonormal.capture import files_read, load
+from photonormal.check import check
 from photonormal.disk import Batch
 from photonormal.export.folder import report as write_report
 from photonormal.export.folder import whole_folder
@@ -25,26 +26,6 @@ from photonormal.progress import progress
 from photonormal.score import colours, error_picture, score
 from photonormal.solve import DEFAULT, configure, run
 from photonormal.types import Capture, Normals, cores
-
-GREY_PIXELS, FRAME_PIXELS = 2_000, 20_000  # that suffice to tell a wrong order and a wrong frame of the lights
-WARN_PERCENT = 5.0  # saturated or zero samples above which a report warns
-
-
-@dataclass(frozen=True)
-class Exposure:
-    """How well the photographs are exposed: samples inside the mask, in per cent of all of them."""
-
-    saturated_percent: float
-    zero_percent: float
-
-    def warnings(self) -> list[str]:
-        """One line for each fault that will be seen in the normals."""
-        found = []
-        if self.saturated_percent > WARN_PERCENT:
-            found.append(f"{self.saturated_percent:.1f} % of the samples are saturated; expose less.")
-        if self.zero_percent > WARN_PERCENT:
-            found.append(f"{self.zero_percent:.1f} % of the samples are zero; expose more, or keep more bits.")
-        return found
 
 
 def measure(
@@ -95,7 +76,9 @@ def measure(
         photographs = load(capture, **how)
     with whole_folder(Path(out), overwrite, files_read(capture, photographs, camera, *how.values())) as folder:
         with _stage("read", seconds):
-            exposure, grey = _read(photographs)
+            samples = _read(photographs)
+        with _stage("check", seconds), progress("checking"):
+            warnings = [finding.message for finding in check(photographs)]
         with _stage("solve", seconds), progress(f"normals by {method}"):
             from photonormal.solve.expected import with_expected_error
             from photonormal.solve.learned.processor import computing_in, number_format
@@ -121,7 +104,6 @@ def measure(
         with _stage("export", seconds), progress("writing"):
             _export(folder, photographs, normals, albedo, surface, normals_frame)
         dark = int(photographs.mask.sum()) - int(normals.mask.sum())
-        warnings = exposure.warnings() + _disagreements(photographs, grey, normals)
         if dark:
             warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
         report = {
@@ -137,7 +119,7 @@ def measure(
             "lights": photographs.images.shape[0],
             "light": "distant" if photographs.lamps is None else "near",
             "pixels": {"mask": int(photographs.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
-            "samples": asdict(exposure),
+            "samples": samples,
             "seconds": seconds,
             "peak_memory_mb": _peak_memory_mb(),
             "weights_sha256": getattr(solver, "weights_sha256", None),
@@ -159,33 +141,24 @@ def read_camera(path: Path | None) -> np.ndarray | None:
     return read_table(path)
 
 
-def _read(capture: Capture) -> tuple[Exposure, np.ndarray]:
-    """Decode every picture once, in threads, count what is saturated or zero, and keep some grey levels (p, n)."""
+def _read(capture: Capture) -> dict[str, float]:
+    """Decode every picture once, in threads; samples inside the mask that are saturated or zero, in per cent."""
     n, _, _, c = capture.images.shape
-    step = max(1, int(capture.mask.sum()) // GREY_PIXELS)
     with progress(f"reading {n} images", n) as advance:
 
-        def count(j: int, image: np.ndarray) -> tuple[int, int, np.ndarray]:
+        def count(j: int, image: np.ndarray) -> tuple[int, int]:
             samples = image[capture.mask]  # (p, c)
             # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
             white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
             advance()
-            return int((samples >= white).sum()), int((samples <= 0).sum()), samples[::step].mean(-1)
+            return int((samples >= white).sum()), int((samples <= 0).sum())
 
-        saturated, zero, grey = zip(*capture.map_images(count), strict=True)
+        saturated, zero = np.sum(capture.map_images(count), axis=0)
     total = n * c * int(capture.mask.sum())
-    exposure = Exposure(round(100 * sum(saturated) / total, 3), round(100 * sum(zero) / total, 3))
-    return exposure, np.stack(grey, axis=-1)
-
-
-def _disagreements(capture: Capture, grey: np.ndarray, normals: Normals) -> list[str]:
-    """What the doctor finds gravely wrong with the lights, on a grid of the normals' pixels; near ones by direction."""
-    if capture.lights is None:
-        return []
-    from photonormal.check.lights import grave
-
-    step = max(1, int(np.sqrt(normals.mask.sum() / FRAME_PIXELS)))
-    return grave(grey, normals.map[::step, ::step], normals.mask[::step, ::step], capture.lights)
+    return {
+        "saturated_percent": round(100 * float(saturated) / total, 3),
+        "zero_percent": round(100 * float(zero) / total, 3),
+    }
 
 
 def _export(folder: Batch, capture: Capture, normals: Normals, albedo: np.ndarray, surface: Any, frame: str) -> None:

@@ -25,7 +25,8 @@ def right() -> Capture:
     """A painted convex body with bumps, of no symmetry, 69 mm wide, under fifteen lamps around it."""
     size, half = 76, 37.5
     y, x = np.mgrid[half : -half : 1j * size, -half : half : 1j * size] / 38
-    z = 0.5 - 0.45 * (x**2 + 1.3 * y**2) + 0.07 * np.sin(4 * x + 1) * np.cos(3 * y) + 0.06 * x * y
+    z = 0.45 * np.sqrt(np.maximum(1 - (x**2 + 1.2 * y**2) / 0.83, 0.01))
+    z += 0.07 * np.sin(4 * x + 1) * np.cos(3 * y) + 0.06 * x * y
     mask = x**2 + 1.2 * y**2 < 0.81
     z_y, z_x = np.gradient(z, y[:, 0], x[0])
     map = normalised(np.stack([-z_x, -z_y, np.ones_like(z)], axis=-1)) * mask[..., None]

@@ -11,10 +11,12 @@ from photonormal.types import Capture
 
 SATURATED = 0.05  # of a picture's samples
 BLACK = 0.05  # level of a picture, as part of the median of all, below which its lamp was off
-ZERO = 0.25  # of all samples
+CLIPPED = 0.125  # of all samples at zero
+MOSTLY, ZERO = 2 / 3, 0.25  # of the pictures in which a pixel is black, and of such pixels: facing away is no fault
 DIM = 0.04  # median level, as part of full scale, below which 8 bits quantise by more than five per cent
 ENCODED = 0.8  # misfit of linearised samples, as part of the misfit of samples as they are
 PIXELS = 1500
+FEW = 5  # pictures: fewer fit a matt surface whatever they show
 
 
 def saturation(samples: Samples, capture: Capture) -> list[Finding]:
@@ -50,15 +52,15 @@ def darkness(samples: Samples, capture: Capture) -> list[Finding]:
                 {"pictures": names},
             )
         )
-    zero = float(np.delete(samples.zero, black).mean()) if black.size < len(samples.zero) else 0.0
-    if zero > ZERO:
+    dark = float(((np.delete(samples.I, black, axis=1) <= 0).mean(1) > MOSTLY).mean())
+    if dark > ZERO:
         found.append(
             Finding(
                 "darkness",
                 True,
-                f"{100 * zero:.0f} % of the samples are zero; expose more, keep more bits, or check that the mask "
-                "covers the object only.",
-                {"zero_percent": round(100 * zero, 2)},
+                f"{100 * dark:.0f} % of the object is black in most pictures; expose more, keep more bits, or check "
+                "that the mask covers the object only.",
+                {"dark_percent": round(100 * dark, 2)},
             )
         )
     return found
@@ -69,7 +71,7 @@ def bits(samples: Samples, capture: Capture) -> list[Finding]:
     if samples.bits != 8:
         return []
     level = float(np.median(samples.level))
-    clipped = float(samples.saturated.mean()) > SATURATED / 5 or float(samples.zero.mean()) > ZERO / 2
+    clipped = float(samples.saturated.mean()) > SATURATED / 5 or float(samples.zero.mean()) > CLIPPED
     dim = level < DIM
     if not (dim or clipped):
         return []
@@ -90,7 +92,7 @@ def bits(samples: Samples, capture: Capture) -> list[Finding]:
 
 def encoding(given: Given, bits: int | None) -> list[Finding]:
     """Eight-bit pictures that fit the linear model better once they are linearised."""
-    if bits != 8:
+    if bits != 8 or given.levels.shape[1] < FEW:
         return []
     I = given.levels / max(float(given.levels.max()), 1e-12)
     linear = np.where(I <= 0.04045, I / 12.92, ((I + 0.055) / 1.055) ** 2.4)

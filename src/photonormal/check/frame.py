@@ -1,26 +1,29 @@
 """Lights given in another frame: an axis flipped, x and y exchanged, turned about the view.
 
-Turning or mirroring all lights does the same to the normals and leaves every picture explained as well as before. The
-surface tells them apart. Slopes p = dz/dx and q = dz/dy of a real surface obey dp/dy = dq/dx; mirrored or turned
-normals do not. Half a turn keeps that too, but then normals at the outline point inwards.
+Turning or mirroring all lights does the same to the normals and leaves every picture explained as well as before. Three
+things tell: slopes have to be a surface's (`curl`), which half a turn keeps; normals at an occluding outline point
+outwards (`outline`); shadows fall away from what casts them (`shadows`). Of a flat relief without shadows half a turn
+can't be told: turned inside out it looks the same.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.check.curl import Curl
 from photonormal.check.finding import Finding
+from photonormal.check.outline import Outline
+from photonormal.check.shadows import CastShadows
 
-STEP_DEG = 5  # of the turns tried
+SNAP_DEG, AS_GOOD = 20, 1.05  # a turn is a multiple of 45 degrees where one so near has a curl as low, up to a factor
 SMALL_DEG = 15  # turns below that are no mistake of a frame
-CLEARLY, MORE = 0.9, 0.02  # curl of another frame, as part of the given one's, and less by, at which it is reported
-STEEP = 0.25  # n_z below which slopes are not used
-AGREES = 0.3  # by how much the outline has to prefer another frame, of 2
-LEAST = 200  # places where slopes are known, and 60 of an outline, at least
-OUTLINE = 60
+WORSE = 1.25  # curl of the given frame over another one's, at which that is reported
+CERTAIN = 3.0  # and its mean over parts of the surface, in standard errors
 MIRRORED = {
     0: "y is flipped (y counts downwards)",
     -180: "x is flipped",
@@ -41,6 +44,10 @@ class Frame:
         c, s = np.cos(np.radians(self.turn_deg)), np.sin(np.radians(self.turn_deg))
         return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([1.0, -1.0 if self.mirrored else 1.0, 1.0])
 
+    def half_turned(self) -> Frame:
+        """Half a turn on."""
+        return Frame(self.mirrored, (self.turn_deg + 180) % 360)
+
     def name(self) -> str:
         """What was done to the lights."""
         turn = (self.turn_deg + 180) % 360 - 180
@@ -50,106 +57,115 @@ class Frame:
 
 
 GIVEN = Frame(False, 0)
+QUARTERS = [Frame(mirrored, deg) for mirrored in (False, True) for deg in (0, 90, 180, 270)]
 
 
-def slopes_curl(N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]) -> dict[Frame, float] | None:
-    """How far normals in each frame, half turns aside, are from any surface's: 0 to 1; None where too few are known."""
-    known = mask & (N[..., 2] > STEEP)
-    z = np.where(known, N[..., 2], 1)
-    p, q = -N[..., 0] / z, -N[..., 1] / z
-    whole = known[:-1, :-1] & known[1:, :-1] & known[:-1, 1:] & known[1:, 1:]
-    if whole.sum() < LEAST:
-        return None
+@dataclass(frozen=True)
+class Surface:
+    """What lights as given make of the pictures, on a grid of pixels.
 
-    def along_x(f: np.ndarray) -> np.ndarray:
-        return (f[:-1, 1:] - f[:-1, :-1] + f[1:, 1:] - f[1:, :-1])[whole] / 2
+    Parameters
+    ----------
+    I : (p, n) grey levels of the mask's pixels
+    b : (p, 3) scaled normals that explain their lit samples
+    mask : (h, w)
+    L : (n, 3)
+    """
 
-    def along_y(f: np.ndarray) -> np.ndarray:  # y up: rows run against it
-        return (f[:-1, :-1] - f[1:, :-1] + f[:-1, 1:] - f[1:, 1:])[whole] / 2
+    I: Float[np.ndarray, "p n"]
+    b: Float[np.ndarray, "p 3"]
+    mask: Bool[np.ndarray, "h w"]
+    L: Float[np.ndarray, "n 3"]
 
-    p_x, p_y, q_x, q_y = along_x(p), along_y(p), along_x(q), along_y(q)
-    size = np.hypot(p_y - q_x, q_y + p_x) + np.hypot(p_y + q_x, p_x - q_y)
-    weight = np.minimum(size, np.quantile(size, 0.9)) / np.maximum(size, 1e-12)  # edges count once
-    total = float((weight * size).sum()) or 1.0
-    found = {}
-    for mirrored in (False, True):
-        # turned by a: p' = p cos a - q sin a, q' = p sin a + q cos a; dp'/dy - dq'/dx = A cos a - B sin a
-        A, B = (p_y + q_x, p_x - q_y) if mirrored else (p_y - q_x, q_y + p_x)
-        for deg in range(0, 180, STEP_DEG):
-            a = np.radians(deg)
-            found[Frame(mirrored, deg)] = float((weight * np.abs(A * np.cos(a) - B * np.sin(a))).sum()) / total
-    return found
+    def with_z_turned(self) -> Surface:
+        """As if z of all lights had the other sign."""
+        z = np.array([1.0, 1.0, -1.0])
+        return Surface(self.I, self.b * z, self.mask, self.L * z)
 
+    @cached_property
+    def normals(self) -> Float[np.ndarray, "h w 3"]:
+        """Unit on the mask, zero outside."""
+        N = np.zeros((*self.mask.shape, 3))
+        N[self.mask] = self.b / np.linalg.norm(self.b, axis=1, keepdims=True).clip(1e-12)
+        return N
 
-def outline(
-    N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]
-) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]] | None:
-    """Normals' (x, y) along the mask's outline and the outward directions there; None where the frame cuts the mask."""
-    import cv2
+    @cached_property
+    def outline(self) -> Outline | None:
+        return Outline.of(self.normals, self.mask)
 
-    padded = cv2.copyMakeBorder(mask.astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_REPLICATE)
-    edge = mask & (cv2.erode(padded, np.ones((5, 5), np.uint8))[1:-1, 1:-1] == 0)
-    edge[:3] = edge[-3:] = False
-    edge[:, :3] = edge[:, -3:] = False
-    if edge.sum() < OUTLINE:
-        return None
-    soft = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 3.0)
-    away = np.stack([-cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], axis=-1)[edge]
-    length = np.linalg.norm(away, axis=1, keepdims=True)
-    return N[edge][:, :2], away / np.maximum(length, 1e-9)
+    @cached_property
+    def shadows(self) -> CastShadows:
+        return CastShadows.of(self.I, self.b, self.mask, self.L)
 
 
-def outwards(found: tuple[np.ndarray, np.ndarray], frame: Frame) -> float:
-    """1 where all normals along the outline point outwards in that frame, -1 where all point inwards."""
-    n, away = found
-    return float((n @ frame.matrix()[:2, :2].T * away).sum() / max(np.linalg.norm(n, axis=1).sum(), 1e-9))
+@dataclass(frozen=True)
+class Verdict:
+    """The frame that the surface speaks for, `GIVEN` where it speaks for none; `half` whether half a turn is told."""
+
+    frame: Frame
+    half: bool
+    numbers: dict[str, Any]
+
+    def name(self) -> str:
+        """What was done to the lights, as far as is told."""
+        other = "" if self.half else f", or {self.frame.half_turned().name()}"
+        return self.frame.name() + other
 
 
-def best_frame(N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]) -> tuple[Frame, dict[str, float]]:
-    """The frame in which the normals are a surface's, GIVEN unless another one clearly is, and the figures."""
-    curl = slopes_curl(N, mask)
+def judged(surface: Surface) -> Verdict:
+    """The frame of the lights that makes a surface of what they show."""
+    frame, numbers = _up_to_half_a_turn(surface)
+    half = _half_turned(surface, frame, numbers)
+    if half is None:
+        return Verdict(frame, False, numbers)
+    return Verdict(frame.half_turned() if half else frame, True, numbers)
+
+
+def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
+    curl = Curl.of(surface.normals, surface.mask)
     if curl is None:
         return GIVEN, {}
-    best = min(curl, key=lambda f: curl[f])
-    numbers = {"curl": round(curl[GIVEN], 4), "curl_best": round(curl[best], 4)}
-    turn = min(best.turn_deg, 180 - best.turn_deg)
-    if curl[best] > min(CLEARLY * curl[GIVEN], curl[GIVEN] - MORE) or (not best.mirrored and turn < SMALL_DEG):
-        best = GIVEN
-    rim = outline(N, mask)
-    if rim is None:
+    best = curl.lowest(SMALL_DEG)
+    usual = Frame(best.mirrored, round(best.turn_deg / 45) * 45 % 180)
+    if curl.total(usual) <= AS_GOOD * curl.total(best) and usual != GIVEN:
+        best = usual
+    given, least = curl.total(GIVEN), curl.total(best)
+    numbers = {"curl": round(given, 4), "curl_best": round(min(given, least), 4)}
+    if given > WORSE * least and curl.certainty(GIVEN, best) > CERTAIN:
         return best, numbers
-    usual = round(best.turn_deg / 45) * 45
-    if best.mirrored and abs(best.turn_deg - usual) <= 20:  # the turn of a mirroring is known to some degrees only
-        best = Frame(True, usual)
-    options = [Frame(best.mirrored, (best.turn_deg + half) % 360) for half in (0, 180)]
-    best = max(options, key=lambda f: outwards(rim, f))
-    numbers |= {"outline": round(outwards(rim, GIVEN), 4), "outline_best": round(outwards(rim, best), 4)}
-    if best != GIVEN and outwards(rim, best) < outwards(rim, GIVEN) + AGREES:
-        return GIVEN, numbers
-    return best, numbers
+    return GIVEN, numbers
 
 
-def wrong_frame(
-    N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]
-) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:
-    """The lights' frame, if the normals `N` that they give are no surface's, and what corrects the lights."""
-    if (N[mask][:, 2] < 0).mean() > 0.5:
-        finding = Finding(
-            "frame",
-            True,
-            "the normals point away from the camera: z of the lights is flipped; turn its sign in the lights' file, or "
-            "use --frame.",
-        )
-        return finding, np.diag([1.0, 1.0, -1.0])
-    best, numbers = best_frame(N, mask)
-    if best == GIVEN:
+def _half_turned(surface: Surface, frame: Frame, numbers: dict[str, Any]) -> bool | None:
+    """Whether half a turn is missing; None where neither shadows nor an outline tell, or they disagree."""
+    M = frame.matrix()
+    votes = [surface.shadows.vote(M)]
+    if surface.outline is not None:
+        votes.append(surface.outline.vote(M))
+    told = {v > 0 for v in votes if v}
+    numbers |= {"half_turn": [round(v, 3) for v in votes]}
+    return told.pop() is False if len(told) == 1 else None
+
+
+def wrong_frame(surface: Surface) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:
+    """The lights' frame, if what they show is no surface, and what corrects them.
+
+    Up to half a turn, where the finding's numbers say that it is not told.
+    """
+    away = bool((surface.normals[surface.mask][:, 2] < 0).mean() > 0.5)
+    verdict = judged(surface.with_z_turned() if away else surface)
+    if verdict.frame == GIVEN and not away:
         return None
-    hollow = " (or the object is hollow)" if not best.mirrored and best.turn_deg == 180 else ""
-    finding = Finding(
-        "frame",
-        True,
-        f"the lights' frame disagrees with the pictures: {best.name()}{hollow}; x is right, y up and z to the camera "
-        "here, so correct the lights' file.",
-        numbers | {"frame": best.name()},
-    )
-    return finding, best.matrix()
+    M = verdict.frame.matrix() @ np.diag([1.0, 1.0, -1.0 if away else 1.0])
+    what = [verdict.name()] if verdict.frame != GIVEN else []
+    if away:
+        what = ["z of the lights is flipped (the normals point away from the camera)", *what]
+    numbers = verdict.numbers | {"frame": ", and ".join(what), "half_turn_told": verdict.half}
+    todo = "x is right, y up and z to the camera here, so correct the lights' file, or use --frame."
+    if not verdict.half:
+        todo += (
+            " Whether x and y have to change sign as well the shading doesn't tell, since a flat relief looks the same "
+            "inside out: no corrected lights are written; try both."
+        )
+    message = f"the lights' frame disagrees with the pictures: {numbers['frame']}; {todo}"
+    return Finding("frame", True, message, numbers), M

@@ -101,14 +101,15 @@ class Near:
     def seen(self) -> Float[np.ndarray, "p n"]:
         """Divided by the light that arrives, and I + b.(l - l_p) with each pixel's least-squares b under its own l_p.
 
-        Exact on a matt plane; what is black stays so.
+        Exact on a matt plane; what is dark stays as it is.
         """
         straight = self.directions()
+        dark = SHADOW * float(np.quantile(self.levels, 0.99))
 
         def moved(I: np.ndarray, L: np.ndarray, e: np.ndarray) -> np.ndarray:
             J = I * np.where(e > FAINT, 1 / np.maximum(e, FAINT), 0)
-            b = fitted(J, L, np.ones_like(J))
-            return np.where(J > 0, np.maximum(J + ((straight - L) @ b[..., None])[..., 0], 0), 0)
+            b = fitted(J, L, (J > dark).astype(float))
+            return np.where(J > dark, np.maximum(J + ((straight - L) @ b[..., None])[..., 0], 0), J)
 
         return self._by_blocks(moved)
 

@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.calibrate.intensities import self_calibrated
+from photonormal.calibrate.intensities import SHADOW, robust_normals, self_calibrated
 from photonormal.check.finding import Finding, listed
-from photonormal.check.frame import GIVEN, best_frame, wrong_frame
+from photonormal.check.frame import GIVEN, Surface, judged, wrong_frame
 from photonormal.check.given import Given, Near
 from photonormal.check.order import BETTER, Orders, name_of
-from photonormal.geometry import normalised
 
 PIXELS = 1200  # that intensities and ambient light are estimated from
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
 SPREADS = 4.0  # and how many spreads of the other lights' factors
 AMBIENT = 0.06  # brightness in attached shadow, as part of a pixel facing its light, above which it is said
 FACING_AWAY = -0.15  # n.l of what lies in attached shadow for certain
-BAD_ORDER = 0.35  # misfit of the given order, 1 is chance: right ones stayed below 0.23 on real objects
 LEAST = 100  # samples in attached shadow at least
 
 
@@ -37,13 +35,12 @@ def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[st
         better = [order for order in better if explained(given.reordered(order)) < limit]
     if better:
         return _reordered(given, mask, names, orders, better)
-    L = given.directions()
-    found = wrong_frame(normal_map(given.seen(), mask, L), mask)
+    found = wrong_frame(surface_of(given, mask))
     if found is None:
         return [], given
     finding, M = found
     fixed = given.turned(M)
-    return [replace(finding, lights=fixed.vectors)], fixed
+    return [replace(finding, lights=fixed.vectors if finding.numbers["half_turn_told"] else None)], fixed
 
 
 def explained(given: Given) -> float:
@@ -52,33 +49,10 @@ def explained(given: Given) -> float:
     return Orders.of(given.seen(), L).misfit(np.arange(len(L)))
 
 
-def grave(
-    I: Float[np.ndarray, "p n"],
-    N: Float[np.ndarray, "h w 3"],
-    mask: Bool[np.ndarray, "h w"],
-    L: Float[np.ndarray, "n 3"],
-) -> list[str]:
-    """The grave ones of `disagreement` at little cost, for normals already measured and grey levels of some pixels.
-
-    Other orders are not tried, only whether the given one is as bad as chance.
-    """
-    misfit = Orders.of(I, L).misfit(np.arange(len(L))) if len(L) >= 5 else 0.0
-    if misfit > BAD_ORDER:
-        return [
-            f"the lights explain the pictures badly (misfit {misfit:.2f}, 1 is chance): their order may be wrong; run "
-            "`photonormal check` on this capture."
-        ]
-    found = wrong_frame(N, mask)
-    return [] if found is None else [f"{found[0].message} `photonormal check` writes corrected lights."]
-
-
-def normal_map(
-    I: Float[np.ndarray, "p n"], mask: Bool[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "h w 3"]:
-    """Least-squares normals on the mask, zero outside."""
-    N = np.zeros((*mask.shape, 3))
-    N[mask] = normalised(I @ np.linalg.pinv(L).T)
-    return N
+def surface_of(given: Given, mask: Bool[np.ndarray, "h w"]) -> Surface:
+    """What the lights make of the pictures, shadows and highlights left aside."""
+    I, L = given.seen(), given.directions()
+    return Surface(I, robust_normals(I, L, I > SHADOW * np.quantile(I, 0.99)), mask, L)
 
 
 def _reordered(
@@ -86,18 +60,18 @@ def _reordered(
 ) -> tuple[list[Finding], Given]:
     """Of equally good orders the first that needs no other frame; else the first, with its frame corrected."""
     fixed = [given.reordered(order) for order in better]
-    frames = [best_frame(normal_map(f.seen(), mask, f.directions()), mask)[0] for f in fixed]
-    k = next((k for k, frame in enumerate(frames) if frame == GIVEN), 0)
-    also = "" if frames[k] == GIVEN else f", and {frames[k].name()}"
+    verdicts = [judged(surface_of(f, mask)) for f in fixed]
+    k = next((k for k, v in enumerate(verdicts) if v.frame == GIVEN), 0)
+    also = "" if verdicts[k].frame == GIVEN else f", and {verdicts[k].name()}"
     before, after = orders.misfit(np.arange(len(names))), orders.misfit(better[k])
-    right = fixed[k].turned(frames[k].matrix())
+    right = fixed[k].turned(verdicts[k].frame.matrix())
     finding = Finding(
         "order",
         True,
         f"the lights are not in the pictures' order: {name_of(better[k], names)} fits{also} (misfit {after:.2f} "
         f"instead of {before:.2f}, 1 is chance); put the lights' file in that order, or use the corrected one.",
         {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(better[k], names)},
-        lights=right.vectors,
+        lights=right.vectors if verdicts[k].half or not also else None,
     )
     return [finding], right
 
@@ -136,8 +110,6 @@ def intensities(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"], names:
 
 def ambient(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> list[Finding]:
     """Light that stays on: what faces away from a light is not black."""
-    from photonormal.calibrate.intensities import SHADOW, robust_normals
-
     J = I[_spread(len(I), PIXELS)]
     J = J[J.max(1) > 0]
     b = robust_normals(J, L, J > SHADOW * np.quantile(J, 0.99))

@@ -11,7 +11,7 @@ from photonormal.calibrate.mask import mask_from_shading
 from photonormal.check.given import Near
 from photonormal.types import Capture, InputError, Lamps
 
-PIXELS = 40_000  # at most, on a regular grid: slopes of the normals need neighbours
+PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
 EDGE_SIZE = 400  # longest side of the pictures whose edges tell motion
 CAP = 0.995  # quantile of all samples above which they are cut: highlights say nothing of the order
 

@@ -51,14 +51,17 @@ class Batch:
         path = self.journal.new / name
         if name not in self.names:
             refuse_folder(self.folder / name)
-            self.journal.tell({"file": name})
-            self.names.append(name)
-            path.parent.mkdir(parents=True, exist_ok=True)
+            with _told(self):
+                self.journal.tell({"file": name})
+                self.names.append(name)
+                path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
     def write(self, name: str, data: bytes) -> None:
         """Write one of the files."""
-        (self / name).write_bytes(data)
+        path = self / name
+        with _told(self):
+            path.write_bytes(data)
 
     def sizes(self) -> dict[str, int]:
         """Bytes of each file written so far."""

@@ -2,6 +2,7 @@
 
 import sys
 
-from photonormal.cli import main
+from photonormal_command import main
 
-sys.exit(main())
+if __name__ == "__main__":
+    sys.exit(main())

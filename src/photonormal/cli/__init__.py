@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import sys
+from collections.abc import Callable
+from typing import Any
 
 import tyro
 
+from photonormal.cli.faults import fault, one_line
 from photonormal.cli.measuring import Convert, Integrate, Measure, Methods, Score
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
-from photonormal.options import check
 from photonormal.types import InputError
 
 COMMANDS = (
@@ -20,17 +24,20 @@ COMMANDS = (
 )
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run one command; returns the exit code: 0 done, 1 a part failed, 2 wrong input or options, 130 interrupted."""
+def main(arguments: list[str] | None = None, interrupted: Callable[[], bool] = lambda: False) -> int:
+    """Run one command; returns the exit code.
+
+    0: done. 1: a part failed, or photonormal has a fault. 2: wrong input or options. 130: interrupted.
+
+    Parameters
+    ----------
+    arguments : words of the command line, in place of the process's own
+    interrupted : tells that a signal has come, which some libraries turn into errors of their own
+    """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="surrogateescape")  # names of files are bytes
     try:
-        command = tyro.extras.subcommand_cli_from_dict(
-            {c.__name__.lower(): c for c in COMMANDS},
-            prog="photonormal",
-            description="Surface normals, depth and meshes from photographs under known lights.",
-            args=arguments,
-        )
-        check(command, lambda name: f"--{name.replace('_', '-')}")
-        code = command()
+        code = parsed(arguments)()
         sys.stdout.flush()  # a reader that has gone, such as `head`, shows here
         return code
     except BrokenPipeError:
@@ -39,5 +46,30 @@ def main(arguments: list[str] | None = None) -> int:
     except InputError as error:
         print(f"photonormal: {error}", file=sys.stderr)
         return 2
+    except MemoryError:
+        print("photonormal: memory is not enough for this; give fewer or smaller photographs.", file=sys.stderr)
+        return 2
     except KeyboardInterrupt:
         return 130
+    except Exception as error:
+        if interrupted():
+            return 130
+        print(f"photonormal: {fault(error, arguments)}", file=sys.stderr)
+        return 1
+
+
+def parsed(arguments: list[str] | None) -> Any:
+    """The command that the words of the command line ask for; InputError where they can't be understood."""
+    told = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(told):
+            return tyro.extras.subcommand_cli_from_dict(
+                {c.__name__.lower(): c for c in COMMANDS},
+                prog="photonormal",
+                description="Surface normals, depth and meshes from photographs under known lights.",
+                args=arguments,
+            )
+    except SystemExit as ended:
+        if not ended.code:  # --help
+            raise
+        raise InputError(one_line(told.getvalue())) from None

@@ -1,0 +1,50 @@
+"""What the command line says when an option can't be understood, and when photonormal itself fails: one line each."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+import sys
+import tempfile
+import traceback
+
+import photonormal
+
+LONGEST = 300  # characters of a line
+
+
+def one_line(box: str) -> str:
+    """What a box of tyro's about wrong options says: what it names and what it suggests, without all of the help."""
+    lines = [line[2:].rstrip(" │") for line in box.splitlines()[1:]]  # the first is a title, the border may be blank
+    parts = re.split(r"\n*[─-]{4,}[╯\n]*", "\n".join(lines).strip("\n"))
+    said, meant = [], ""
+    for part in parts:
+        brief = " ".join(line.strip() for line in part.splitlines() if not line.startswith(" " * 8))
+        if brief.startswith("Perhaps you meant"):
+            meant = "".join(f"; perhaps {option} is meant" for option in re.findall(r"--[\w-]+", brief)[:1])
+        elif brief and not brief.startswith(("Argument helptext", "For full helptext")):
+            said.append(re.sub(r" *\(required\)|[.: ]+$", "", brief))
+    see = re.search(r"photonormal[\w ]* --help", " ".join(box.replace("│", "").split()))
+    message = re.sub(r"^Error parsing (\S+): ", r"\1 can't be understood: ", "; ".join(said)) or "wrong options"
+    return f"{message[:LONGEST]}{meant}; see {see.group() if see else 'photonormal --help'}."
+
+
+def fault(error: Exception, arguments: list[str] | None) -> str:
+    """A line about an error that is no user's, which names a file that holds what is needed to find its cause."""
+    what = " ".join(f"{type(error).__name__}: {error}".split())[:LONGEST]
+    words = sys.argv[1:] if arguments is None else [str(a) for a in arguments]
+    lines = [
+        f"photonormal {photonormal.__version__}, Python {platform.python_version()}, {platform.platform()}",
+        f"options: {words!r}",
+        "",
+        *traceback.format_exception(error),
+    ]
+    try:
+        file, path = tempfile.mkstemp(prefix="photonormal-fault-", suffix=".txt")
+        with os.fdopen(file, "w", encoding="utf-8", errors="backslashreplace") as opened:
+            opened.write("\n".join(lines))
+        where = f"please report it with {path}"
+    except OSError:
+        where = "please report it"
+    return f"{what}; this is a fault of photonormal, not yours: {where}."

@@ -6,13 +6,14 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk", "options"}
+BASE = {"types", "geometry", "shading", "disk", "options", "stored"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "types": set(),
     "geometry": {"types"},
     "shading": set(),
     "disk": {"types"},
     "options": {"types"},
+    "stored": {"types"},
     "progress": set(),
     "capture": BASE,
     "calibrate": BASE,

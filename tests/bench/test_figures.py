@@ -134,7 +134,7 @@ def test_colours_differ_in_lightness_or_hue():
         (("errors", "RUNS", "--objects", "horse"), "no object 'horse'"),
         (("errors", "RUNS", "--methods", "l1"), "no method 'l1'"),
         (("errors", "RUNS", "--dataset", "cycles"), "no dataset 'cycles'"),
-        (("convergence", "RUNS"), "can't be read as a training's journal"),
+        (("convergence", "RUNS"), "journal.jsonl can't be read"),
         (("convergence", "a=TRAIN/prior", "a=TRAIN/noprior"), "two trainings are called 'a'"),
     ],
 )

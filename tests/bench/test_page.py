@@ -1,6 +1,7 @@
 """The report: one file, whole, and working in a browser."""
 
 import base64
+import hashlib
 import http.server
 import json
 import queue
@@ -22,7 +23,6 @@ from photonormal.score import error_map_deg
 
 CHROMIUM = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome")) if p), None)
 ACTS = """
-<script>
 addEventListener("load", async () => {
   while (!document.body.dataset.ready) await new Promise((again) => setTimeout(again, 50));
   const {ready, error} = document.body.dataset, said = {ready, error}, table = document.querySelector("table");
@@ -42,8 +42,26 @@ addEventListener("load", async () => {
   if (gl) { gl.readPixels(240, 240, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); said.pixel = [...pixel]; }
   fetch("/said", {method: "POST", body: JSON.stringify(said)});
 });
-</script>
 """
+EVIL = ("x/* data */", "<img src=x onerror=attacked()>", "</script><script>attacked()</script>", "[[data]][[script]]")
+LOOKS = """
+addEventListener("load", async () => {
+  while (!document.body.dataset.ready) await new Promise((again) => setTimeout(again, 50));
+  const {ready, error} = document.body.dataset, said = {ready, error};
+  said.images = document.images.length;
+  said.scripts = document.scripts.length;
+  said.objects = [...at("object").options].map((o) => o.textContent);
+  said.heads = [...document.querySelectorAll("thead th")].map((h) => h.textContent);
+  fetch("/said", {method: "POST", body: JSON.stringify(said)});
+});
+"""
+
+
+def acting(page, script):
+    """The page with a script of the test, which its policy is told of; its own parts run under its own rules."""
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    page = page.replace("script-src '", f"connect-src 'self'; script-src 'sha256-{digest}' '", 1)
+    return page.replace("</body>", f"<script>{script}</script></body>")
 
 
 @pytest.fixture(scope="module")
@@ -97,8 +115,8 @@ def what_it_says(text, profile):
 def test_nothing_is_loaded_from_elsewhere(page):
     text = page.read_text()
     assert not re.search(r"""<[^>]*(src|href)\s*=|url\(|@import|https?://|\bimport\s|fetch\(""", text)
-    for mark in ("/* style */", "/* script */", "/* data */", "<!-- tables -->"):
-        assert mark not in text
+    assert not re.search(r"\[\[\w+\]\]", text)
+    assert "default-src 'none'; img-src data:; style-src 'sha256-" in text and "unsafe" not in text
 
 
 def test_it_holds_every_object_and_method(data):
@@ -139,12 +157,42 @@ def test_objects_are_picked_evenly():
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
 def test_it_works_in_a_browser(runs, page, tmp_path):
-    said = what_it_says(page.read_text().replace("</body>", ACTS + "</body>"), tmp_path / "profile")
+    said = what_it_says(acting(page.read_text(), ACTS), tmp_path / "profile")
     assert said["ready"] == "yes" and "error" not in said
     errors = {r.label: r.cells["ball"].value for r in tables(runs)[0].rows}
     assert said["up"] == sorted(errors, key=errors.__getitem__) and said["down"] == said["up"][::-1]
     assert said["drawn"] == "bear|photograph|true normals" and "25%" in said["clip"] and said["wide"]
     assert "pixel" not in said or max(said["pixel"][:3]) < 250  # the surface is drawn in the middle
+
+
+@pytest.fixture(scope="module")
+def evil(runs, tmp_path_factory):
+    """A page whose objects have names that a browser could take for commands."""
+    folder = shutil.copytree(runs, tmp_path_factory.mktemp("evil") / "runs")
+    for method in ("woodham", "trimmed"):
+        record = json.loads((folder / method / "diligent" / "ball.json").read_text())
+        for i, name in enumerate(EVIL):
+            path = folder / method / "diligent" / f"evil{i}"
+            shutil.copy(folder / method / "diligent" / "ball.npz", path.with_suffix(".npz"))
+            path.with_suffix(".json").write_text(json.dumps(record | {"object": name}))
+            truth = folder / "truth" / "diligent" / f"{name}.npz"
+            truth.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(folder / "truth" / "diligent" / "ball.npz", truth)
+    return report(folder, folder / "report.html").read_text()
+
+
+def test_names_are_text(evil):
+    assert "<img" not in evil and evil.count("<script") == 2 and evil.count("</script>") == 2
+    data = json.loads(re.search(r'id="data">(.*?)</script>', evil, re.DOTALL)[1])
+    assert {o["name"] for o in data["objects"]} == {"ball", "bear", "cat", *EVIL}
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_names_are_text_in_a_browser(evil, tmp_path):
+    said = what_it_says(acting(evil, LOOKS), tmp_path / "profile")
+    assert said["ready"] == "yes" and "error" not in said
+    assert (said["images"], said["scripts"]) == (0, 3)  # the test's own is one of the three
+    assert set(EVIL) <= set(said["objects"]) and set(EVIL) <= set(said["heads"])
 
 
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")

@@ -49,3 +49,10 @@ def test_unclear_files_are_refused(tmp_path, text):
     (tmp_path / "f.txt").write_text(text)
     with pytest.raises(InputError, match=r"f\.txt"):
         read_fixed(tmp_path / "f.txt")
+
+
+def test_nothing_of_a_file_that_without_numbers_is_told(tmp_path):
+    (tmp_path / "shadow").write_text("1-3\nroot:$6$abc:20228:0:99999:7::\nuser: secret\n")
+    with pytest.raises(InputError, match=r"shadow, line 2: one line like") as told:
+        read_fixed(tmp_path / "shadow")
+    assert "$6$" not in str(told.value) and "20228" not in str(told.value)

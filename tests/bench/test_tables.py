@@ -1,5 +1,6 @@
 """Tables: what is best, over how many objects, and published figures apart from measured ones."""
 
+import errno
 import json
 import re
 import shutil
@@ -181,3 +182,19 @@ def test_damaged_runs_are_one_line(runs, tmp_path, run, file, content, says):
     path.unlink() if content is None else path.write_text(content)
     code, _, err = run("table", tmp_path / "runs")
     assert code == 2 and says in err and len(err.splitlines()) == 1
+
+
+def test_a_folder_that_can_not_be_written_is_read(runs, tmp_path, monkeypatch):
+    """Errors found are kept where they can be, and found again where not."""
+    from photonormal.bench import scores
+    from photonormal.disk import unwritable
+
+    folder = shutil.copytree(runs, tmp_path / "runs")
+    for kept in folder.rglob("scores.json"):
+        kept.unlink()
+
+    def refused(path, data):
+        raise unwritable(path, OSError(errno.EROFS, "Read-only file system"))
+
+    monkeypatch.setattr(scores, "write", refused)
+    assert tables(folder) == tables(runs) and not list(folder.rglob("scores.json"))

@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import TypedDict
 
-from photonormal.bench.store import SCORES, Prediction, configs, predictions, read_truth, truth_path
+import msgspec
+
+from photonormal.bench.store import AGAIN, SCORES, Prediction, configs, predictions, read_truth, truth_path
 from photonormal.disk import write
+from photonormal.options import Count, NotNegative
 from photonormal.score import score
+from photonormal.stored import read_json
 from photonormal.types import InputError, cores
+
+
+class Figures(TypedDict):
+    """The numbers of a `photonormal.score.Score`."""
+
+    mean_deg: NotNegative
+    median_deg: NotNegative
+    below_15: NotNegative
+    below_30: NotNegative
+    pixels: Count
+
+
+class Kept(TypedDict):
+    """Errors found before, and the times and sizes of the files that they were found from."""
+
+    stamp: list[list[int]]
+    score: Figures | None
 
 
 @dataclass(frozen=True)
@@ -20,20 +42,22 @@ class Scored:
     """A prediction with its errors; None where the truth is not known."""
 
     prediction: Prediction
-    score: dict[str, float | int] | None
+    score: Figures | None
 
 
 def scored(runs: Path, label: str, dataset: str) -> list[Scored]:
     """Every prediction of a method on a dataset with its errors."""
     folder = runs / label / dataset
-    before = _kept(folder / SCORES)
+    before: dict[str, Kept] = {}
+    with suppress(InputError):  # what is not there, or damaged, is found again
+        before = read_json(folder / SCORES, dict[str, Kept], AGAIN)
     read = cache(lambda name: read_truth(truth_path(runs, dataset, name)))
     found = {}
 
     def one(p: Prediction) -> Scored:
         stamp = [_stamp(p.path), _stamp(truth_path(runs, dataset, p.object))]
         key = str(p.path.relative_to(folder))
-        if before.get(key, {}).get("stamp") == stamp:
+        if key in before and before[key]["stamp"] == stamp:
             found[key] = before[key]
         else:
             truth = read(p.object).normals
@@ -43,7 +67,8 @@ def scored(runs: Path, label: str, dataset: str) -> list[Scored]:
     with ThreadPoolExecutor(cores()) as pool:
         results = list(pool.map(one, predictions(runs, label, dataset)))
     if found != before:
-        write(folder / SCORES, json.dumps(found).encode())
+        with suppress(InputError):  # a folder that can't be written is read all the same
+            write(folder / SCORES, msgspec.json.encode(found))
     return results
 
 
@@ -64,10 +89,3 @@ def _stamp(path: Path) -> list[int]:
     except FileNotFoundError:
         raise InputError(f"{path} is missing but errors are found with it; run the benchmark again.") from None
     return [status.st_mtime_ns, status.st_size]
-
-
-def _kept(path: Path) -> dict[str, dict]:
-    try:
-        return json.loads(path.read_text())
-    except (OSError, ValueError):
-        return {}

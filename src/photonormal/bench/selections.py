@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from photonormal.bench.benchmarks import FAULTY, Item
 from photonormal.capture.assemble import parse_images
+from photonormal.stored import read_bytes
 from photonormal.types import Capture, Image, Images, InputError
 
 
@@ -98,16 +100,19 @@ def psfcn_draw(index: int, n: int, k: int) -> tuple[int, ...]:
 
 def read_fixed(path: Path) -> dict[str, str]:
     """Numbers from 1, as ``1-10,15`` for every object, or a line ``object: 1-10,15`` for each."""
+    advice = "give a text file with image numbers like 1-10,15"
     try:
-        lines = [line.split("#")[0].strip() for line in path.read_text(encoding="utf-8").splitlines()]
-    except (OSError, UnicodeDecodeError):
-        raise InputError(f"{path} can't be read; give a text file with image numbers like 1-10,15.") from None
+        text = read_bytes(path, advice, 2**20).decode()
+    except UnicodeDecodeError:
+        raise InputError(f"{path} can't be read (it is no text); {advice}.") from None
     found: dict[str, str] = {}
-    for line in filter(None, lines):
-        name, _, numbers = line.rpartition(":")
-        if not numbers.strip() or name.strip() in found:
-            raise InputError(f"{path} says {line!r}; one line like 1-10,15, or object: 1-10,15 for each, is needed.")
-        found[name.strip()] = numbers.strip()
+    for i, line in enumerate(text.splitlines()):
+        name, _, numbers = (part.strip() for part in line.split("#")[0].rpartition(":"))
+        if not (name or numbers):
+            continue
+        if not re.fullmatch(r"[\d\s,-]+", numbers) or name in found:  # what else it says is nobody's business
+            raise InputError(f"{path}, line {i + 1}: one line like 1-10,15, or object: 1-10,15 for each, is needed.")
+        found[name] = numbers
     if not found:
         raise InputError(f"{path} is empty; write image numbers like 1-10,15 into it.")
     return found

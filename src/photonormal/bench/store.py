@@ -16,17 +16,61 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
 import photonormal
 from photonormal.disk import write
+from photonormal.options import Count, NotNegative, Precision
+from photonormal.stored import Name, Word, read_arrays, read_json
 from photonormal.types import InputError, Normals
 
 LAYOUT = 1  # of the folder; another number can't be read
 CONFIG = "config.json"
 SCORES = "scores.json"
+AGAIN = "remove it and run the benchmark again"
+
+
+class Seconds(TypedDict):
+    """Of one prediction; reading is measured with all images only."""
+
+    solve: NotNegative
+    read: NotRequired[NotNegative]
+
+
+class Record(TypedDict):
+    """How a prediction was made."""
+
+    object: Name
+    selection: Word
+    protocol: Word
+    images: list[Word]
+    seconds: Seconds
+    peak_memory_mb: NotNegative | None
+    gpu_memory_mb: NotNegative | None
+    device: Word
+    processor: Word
+    cores: Count
+    jobs: Count
+
+
+class Config(TypedDict):
+    """What the predictions of a folder depend on."""
+
+    layout: int
+    photonormal: Word
+    method: Word
+    options: dict[str, bool | int | float | Word | None]
+    weights_sha256: NotRequired[Word | None]
+    precision: NotRequired[Precision]
+
+
+class Layout(TypedDict):
+    """What every version's config has."""
+
+    layout: int
+    photonormal: Word
 
 
 @dataclass(frozen=True)
@@ -36,7 +80,7 @@ class Prediction:
     label: str
     dataset: str
     path: Path
-    record: dict[str, Any]
+    record: Record
 
     @property
     def object(self) -> str:
@@ -100,7 +144,12 @@ def write_truth(path: Path, truth: Truth) -> None:
 def read_truth(path: Path) -> Truth:
     """The truth beside the predictions; InputError where there is none."""
     normals, data = _read_npz(path, optional=True)
-    return Truth(normals, data["object"], data["photograph"])
+    mask, photograph = (data.get(name, np.zeros(0)) for name in ("object", "photograph"))
+    if mask.dtype != bool or mask.ndim != 2 or not mask.any() or photograph.dtype != np.uint8:
+        raise InputError(f"{path} can't be read (it holds no mask or no photograph); {AGAIN}.")
+    if photograph.shape != (*mask.shape, 3) or (normals is not None and normals.mask.shape != mask.shape):
+        raise InputError(f"{path} can't be read (its pictures have several sizes); {AGAIN}.")
+    return Truth(normals, mask, photograph)
 
 
 def check_config(folder: Path, config: dict[str, Any]) -> None:
@@ -124,18 +173,18 @@ def check_config(folder: Path, config: dict[str, Any]) -> None:
             raise InputError(f"{folder} was made with {change}; choose another --out or remove that folder.")
 
 
-def read_config(path: Path) -> dict[str, Any]:
+def read_config(path: Path) -> Config:
     """A folder's config; InputError where it is damaged or of a layout that this version can't read."""
-    config = _read_json(path)
-    if config.get("layout") != LAYOUT:
+    made = read_json(path, Layout, AGAIN)
+    if made["layout"] != LAYOUT:
         raise InputError(
-            f"{path.parent} has layout {config.get('layout')} of photonormal {config.get('photonormal')} but this "
+            f"{path.parent} has layout {made['layout']} of photonormal {made['photonormal']} but this "
             f"version reads layout {LAYOUT}; run the benchmark again into another folder."
         )
-    return config
+    return read_json(path, Config, AGAIN)
 
 
-def configs(runs: Path) -> dict[tuple[str, str], dict[str, Any]]:
+def configs(runs: Path) -> dict[tuple[str, str], Config]:
     """(label, dataset) -> config of every folder of predictions."""
     if not runs.is_dir():
         raise InputError(f"{runs} is no folder; give the --out of photonormal bench.")
@@ -149,7 +198,7 @@ def predictions(runs: Path, label: str, dataset: str) -> Iterator[Prediction]:
     """Every stored prediction of a method on a dataset, in the order of names."""
     for path in sorted((runs / label / dataset).rglob("*.npz")):
         if not path.name.startswith("."):
-            yield Prediction(label, dataset, path, _read_json(record_path(path)))
+            yield Prediction(label, dataset, path, read_json(record_path(path), Record, AGAIN))
 
 
 def _npz(**arrays: np.ndarray) -> bytes:
@@ -159,25 +208,16 @@ def _npz(**arrays: np.ndarray) -> bytes:
 
 
 def _read_npz(path: Path, optional: bool = False) -> tuple[Any, dict[str, np.ndarray]]:
+    data = read_arrays(path, AGAIN)
+    if optional and "normals" not in data:
+        return None, data
+    if not {"normals", "mask"} <= set(data):
+        raise InputError(f"{path} can't be read (it holds no normals or no mask); {AGAIN}.")
     try:
-        with np.load(path, allow_pickle=False) as file:
-            data = dict(file)
-        known = not optional or "normals" in data
-        return Normals(data["normals"].astype(np.float32), data["mask"]) if known else None, data
-    except Exception as error:  # a damaged file fails in many ways
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise InputError(f"{path} can't be read ({reason}); remove it and run the benchmark again.") from None
+        return Normals(data["normals"].astype(np.float32), data["mask"]), data
+    except InputError as error:
+        raise InputError(f"{path} can't be read ({error}); {AGAIN}.") from None
 
 
 def _write_json(path: Path, value: dict[str, Any]) -> None:
     write(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())
-
-
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-        if not isinstance(value, dict):
-            raise ValueError("no object")
-        return value
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} can't be read ({error}); remove it and run the benchmark again.") from None

@@ -15,6 +15,7 @@ from photonormal.cli.faults import fault, one_line
 from photonormal.cli.measuring import Convert, Integrate, Measure, Methods, Score
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
+from photonormal.options import check
 from photonormal.types import InputError
 
 COMMANDS = (
@@ -63,7 +64,7 @@ def parsed(arguments: list[str] | None) -> Any:
     told = io.StringIO()
     try:
         with contextlib.redirect_stderr(told):
-            return tyro.extras.subcommand_cli_from_dict(
+            command = tyro.extras.subcommand_cli_from_dict(
                 {c.__name__.lower(): c for c in COMMANDS},
                 prog="photonormal",
                 description="Surface normals, depth and meshes from photographs under known lights.",
@@ -73,3 +74,5 @@ def parsed(arguments: list[str] | None) -> Any:
         if not ended.code:  # --help
             raise
         raise InputError(one_line(told.getvalue())) from None
+    check(command, lambda name: f"--{name.replace('_', '-')}")
+    return command

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.stored import read_arrays
 from photonormal.types import InputError, Normals
 
 
@@ -64,8 +65,8 @@ def read(path: Path) -> Normals:
         raise InputError(f"{path} ends in {suffix!r} but normals are read from {', '.join(WRITERS)}.")
     try:
         if suffix == ".npz":
-            with np.load(path, allow_pickle=False) as data:
-                return Normals(data["normals"], data["mask"], data.get("expected_error_deg"))
+            data = read_arrays(path, "save them again")
+            return Normals(data["normals"], data["mask"], data.get("expected_error_deg"))
         map = _read_exr(path) if suffix == ".exr" else _read_png(path)
     except InputError:
         raise

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import logging
 import math
 import sys
@@ -10,6 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import torch
 
 log = logging.getLogger(__name__)
@@ -67,8 +67,8 @@ class Journal:
         if not values:
             return
         entry = {"step": step, "kind": kind, **{k: round(v, 6) for k, v in values.items()}}
-        with self.file.open("a", encoding="utf-8") as file:
-            file.write(json.dumps(entry) + "\n")
+        with self.file.open("ab") as file:
+            file.write(msgspec.json.encode(entry) + b"\n")
         log.info("step %d, %s: %s", step, kind, ", ".join(f"{k} {v:.4g}" for k, v in values.items()))
         if self.board:
             for k, v in values.items():

@@ -113,12 +113,17 @@ def train(
         p.requires_grad_(key.startswith(recipe.learn))
     mean = {k: v.clone() for k, v in net.state_dict().items()} if recipe.ema else {}  # running mean of the weights
     if state:
+        checkpoint.fits(out, state["network"], net.state_dict())
+        checkpoint.fits(out, state["mean"], mean)
         net.load_state_dict(state["network"])
         mean = state["mean"]
     model = fabric.setup_module(net)
     optimiser = Optimiser(net, recipe)
     if state:
-        optimiser.load_state_dict(state["optimiser"])
+        try:
+            optimiser.load_state_dict(state["optimiser"])
+        except (ValueError, KeyError, TypeError, AttributeError, RuntimeError):
+            raise InputError(f"checkpoint in {out} holds no state of its optimiser; start again.") from None
     mean = {k: v.to(fabric.device) for k, v in mean.items()}
     step, before = (state["step"], state["seconds"]) if state else (0, 0.0)
     # every process renders its own scenes; each has its own seed
@@ -226,13 +231,13 @@ def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, 
     return (e * mask[:, 0]).sum() / pixels
 
 
-def agreed(asked: Precision, state: dict[str, Any] | None, device: str) -> Precision:
+def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
     """The number format of a training: its checkpoint's, or the one asked for."""
     from photonormal.solve.observations import torch_device
 
     with computing_in(asked):
         found = number_format(torch_device(device))
-    kept = state["precision"] if state else None
+    kept = state.get("precision") if state else None
     if kept is None or kept == found:
         return found
     if asked != "auto":

@@ -43,9 +43,12 @@ class Optimiser:
         return {str(i): part.state_dict() for i, part in enumerate(self.parts)}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on from `state_dict`."""
+        """Go on from `state_dict`; ValueError where its tensors are not those of the weights."""
         for i, part in enumerate(self.parts):
-            part.load_state_dict(state[str(i)])
+            part.load_state_dict({"state": state[str(i)]["state"], "param_groups": part.state_dict()["param_groups"]})
+            for p, kept in part.state.items():
+                if any(torch.is_tensor(v) and v.shape not in (p.shape, ()) for v in kept.values()):
+                    raise ValueError("a tensor has not the size of its weights")
 
 
 def matrix(w: Tensor) -> Tensor:

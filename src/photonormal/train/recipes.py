@@ -92,8 +92,8 @@ class Recipe:
         return asdict(self)
 
 
-# 40 epochs of 84,360 samples. A GPU learns faster than it renders; the paper uses every sample 40 times. What is not the
-# paper's is the start: Muon, a warm-up and clipping, without which a training can stay at the constant answer for long.
+# 40 epochs of 84,360 samples. A GPU learns faster than it renders; the paper uses every sample 40 times. What is not
+# the paper's is the start: Muon, a warm-up, clipping; without them it can stay at the constant answer for long.
 PAPER = Recipe(reuse=4, ring=256, muon=0.02, warmup=200, clip=1.0)
 PSFCN = replace(PAPER, network="psfcn", priors=(), lr=1e-3, pieces=6, batch=32, steps=79_100)
 

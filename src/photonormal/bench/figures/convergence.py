@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from photonormal.bench.figures import Wish
 from photonormal.bench.figures.style import COLOURS, LINES, MARKERS, Figure
+from photonormal.stored import LONGEST, Word, decoded, read_bytes
 from photonormal.types import InputError
 
 JOURNAL = "journal.jsonl"  # what photonormal.train writes
+ADVICE = "give a folder of training"
 PANELS = {  # kind of entry -> its figure and the panel's title; those that a journal has are drawn
     "train": ("loss_angle_deg", "training crops"),
     "clean": ("mean_deg", "validation, held-out materials"),
@@ -57,16 +58,12 @@ def convergence(wish: Wish) -> Figure:
 def read_journal(folder: Path) -> dict[str, list[tuple[int, float]]]:
     """kind -> (step, error in degrees) of a training's journal; of a step written twice, the later."""
     path = folder / JOURNAL if folder.is_dir() else folder
-    try:
-        lines = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
-        found: dict[str, dict[int, float]] = {}
-        for entry in lines:
-            name = PANELS.get(entry["kind"], ("", ""))[0]
-            if name in entry:
-                found.setdefault(entry["kind"], {})[int(entry["step"])] = float(entry[name])
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        reason = str(error) or type(error).__name__
-        raise InputError(
-            f"{path} can't be read as a training's journal ({reason}); give a folder of training."
-        ) from None
+    found: dict[str, dict[int, float]] = {}
+    for i, line in enumerate(read_bytes(path, ADVICE, LONGEST).splitlines()):
+        if line.strip():
+            entry = decoded(line, dict[str, float | Word | None], f"{path}, line {i + 1}", ADVICE)
+            step, kind = entry.get("step"), str(entry.get("kind"))
+            value = entry.get(PANELS.get(kind, ("", ""))[0])
+            if isinstance(step, float) and isinstance(value, float):  # null where it was no number
+                found.setdefault(kind, {})[int(step)] = value
     return {kind: sorted(entries.items()) for kind, entries in found.items()}

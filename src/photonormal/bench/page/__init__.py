@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
+import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from photonormal.bench.page.html import tables_html
 from photonormal.bench.page.layers import COLOURS, LEVELS_PER_DEGREE, UNKNOWN, objects
@@ -15,6 +19,10 @@ from photonormal.progress import progress
 from photonormal.types import InputError
 
 HERE = Path(__file__).parent
+PRELUDE = """"use strict";
+window.addEventListener("error", (e) => { document.body.dataset.error = e.message; });
+window.addEventListener("unhandledrejection", (e) => { document.body.dataset.error = String(e.reason); });
+"""
 LIMIT = 12  # objects of a dataset with maps, unless they are named
 
 
@@ -63,16 +71,31 @@ def report(
             "unknown": UNKNOWN,
             "objects": list(objects(runs, whole, shown, LIMIT, surfaces, advance)),
         }
-    page = (HERE / "page.html").read_text(encoding="utf-8")
-    for mark, text in (
-        ("/* style */", (HERE / "page.css").read_text(encoding="utf-8")),
-        ("<!-- tables -->", tables_html(found)),
-        ("/* data */", json.dumps(data, separators=(",", ":")).replace("</", "<\\/")),
-        (
-            "/* script */",
-            "".join((HERE / f"{n}.js").read_text(encoding="utf-8") for n in ("surface", "compare", "sort")),
-        ),
-    ):
-        page = page.replace(mark, text)
-    write(out, page.encode())
+    write(out, filled(tables_html(found), data).encode())
     return out
+
+
+def filled(tables: str, data: dict[str, Any]) -> str:
+    """The page: every mark of page.html is replaced once, so that what names contain is never taken for one."""
+    style, script = _file("page.css"), PRELUDE + "".join(_file(f"{n}.js") for n in ("surface", "compare", "sort"))
+    text = json.dumps(data, separators=(",", ":"))
+    for character in "<>&":  # nothing ends the block, or begins another
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    parts = {
+        "policy": f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
+        "base-uri 'none'; form-action 'none'",
+        "style": style,
+        "tables": tables,
+        "data": text,
+        "script": script,
+    }
+    return re.sub("|".join(f"\\[\\[{name}\\]\\]" for name in parts), lambda m: parts[m[0][2:-2]], _file("page.html"))
+
+
+def _file(name: str) -> str:
+    return (HERE / name).read_text(encoding="utf-8")
+
+
+def _digest(text: str) -> str:
+    """How a Content-Security-Policy names what may run."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

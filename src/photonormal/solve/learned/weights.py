@@ -17,6 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 
 from photonormal.solve.learned.network import Network, placed
+from photonormal.stored import Size, Word, converted, decoded
 from photonormal.types import InputError
 
 NETWORKS = {  # name -> "module:Class", imported only when asked for
@@ -37,7 +38,7 @@ def build(network: str, config: dict) -> Network:
     known = {f.name for f in dataclasses.fields(cls.Config)}
     if unknown := sorted(set(config) - known):
         raise InputError(f"network {network} has no option {unknown[0]!r}; it has {', '.join(sorted(known))}.")
-    return cls(cls.Config(**config))
+    return cls(converted(config, cls.Config, f"the configuration of a {network}", "correct it"))
 
 
 def shipped(name: str) -> Path:
@@ -88,11 +89,15 @@ def load(path: Path, network: str | None = None, device: torch.device | str = "c
         raise InputError(f"weights {path} are damaged: their checksum is not the one recorded; get the file again.")
     if network is not None and metadata["network"] != network:
         raise InputError(f"weights {path} are for {metadata['network']} but {network} is needed; give its own weights.")
-    net = build(metadata["network"], json.loads(metadata["config"]))
+    config = decoded(metadata["config"], dict[str, bool | Size | Word], f"weights {path}", "get the file again")
     try:
-        net.load_state_dict({k: v.float() for k, v in tensors.items()}, strict=True)
-    except RuntimeError as error:
-        reason = str(error).splitlines()[-1].strip()
+        with torch.device("meta"):  # nothing is allocated for what a file only claims
+            net = build(metadata["network"], config)
+        net.load_state_dict({k: v.float() for k, v in tensors.items()}, strict=True, assign=True)
+    except InputError:
+        raise
+    except Exception as error:  # a network of senseless sizes fails in many ways
+        reason = (str(error).strip() or type(error).__name__).splitlines()[-1].strip()
         raise InputError(f"weights {path} do not fit their network ({reason}); get the file again.") from None
     return placed(net, device).eval().requires_grad_(False)
 
@@ -115,5 +120,5 @@ def checksum(path: Path) -> str:
 def stated_checksum(path: Path) -> str | None:
     """The SHA-256 that the card beside a weights file states; None where there is no card."""
     card = path.with_suffix(".md")
-    found = re.search(r"sha256\W+([0-9a-f]{64})\b", card.read_text()) if card.is_file() else None
+    found = re.search(r"sha256\W+([0-9a-f]{64})\b", card.read_text(errors="replace")) if card.is_file() else None
     return found.group(1) if found else None

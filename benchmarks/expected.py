@@ -49,7 +49,7 @@ Found = dict[str, list[tuple[int, np.ndarray, np.ndarray]]]  # by method: images
 def scenes(count: int, seed: int, **changes) -> Iterator[pn.Capture]:
     """Rendered objects."""
     stream = Stream("objects", 1, "cpu", seed, **changes)
-    distance, size = stream.recipe.distance, stream.recipe.size
+    distance, size = stream.recipe_of(0).distance, stream.recipe_of(0).size
     for b in islice(stream, count):
         mask = b.mask[0, 0].numpy()
         truth = pn.Normals(b.normals[0].permute(1, 2, 0).numpy(), mask)

@@ -56,7 +56,7 @@ def windows(changes: dict, device: torch.device) -> Callable[[int], int]:
     stream = Stream("train", 32, device, 0, scenes=scenes, **changes)
 
     def block(k: int) -> int:
-        return len(render_block(stream.recipe, 0, k, device, scenes * stream.recipe.crops).mask)
+        return len(render_block(stream.recipe_of(k), 0, k, device, scenes * stream.recipe_of(k).crops).mask)
 
     return block
 

@@ -64,7 +64,7 @@ def test_threads_change_nothing():
 
 
 def test_light_counts_spread_over_the_range_and_stay_in_it():
-    recipe = Stream("train", lights=(8, 64)).recipe
+    recipe = Stream("train", lights=(8, 64)).recipe_of(0)
     counts = [lights_of(recipe, 0, k) for k in range(400)]
     assert min(counts) == 8 and max(counts) > 56 and max(counts) <= 64
     assert 18 < sorted(counts)[200] < 28  # log-uniform: the median is sqrt(8 * 64)
@@ -73,3 +73,32 @@ def test_light_counts_spread_over_the_range_and_stay_in_it():
 def test_windows_that_nothing_can_fill_are_an_error():
     with pytest.raises(InputError, match="lower coverage or crop"):
         batches(1, shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), coverage=1.01)
+
+
+def test_a_mixture_draws_its_blocks_in_proportion():
+    stream = Stream("blobs-and-sculptures", 4, **SMALL)
+    smooth = [stream.recipe_of(k).detail < 1 for k in range(4000)]
+    assert abs(sum(smooth) / 4000 - 25_660 / (25_660 + 58_700)) < 0.03
+    first = next(k for k in range(20) if smooth[k] != smooth[0])  # blocks of two batches: some of both kinds
+    whole = list(islice(Stream("blobs-and-sculptures", 4, **SMALL), 2 * first + 2))
+    late = list(islice(Stream("blobs-and-sculptures", 4, start_step=2 * first + 1, **SMALL), 1))
+    assert same(whole[-1], late[0])
+
+
+def test_meshes_are_seen_where_there_are_some(tmp_path, monkeypatch):
+    from photonormal.synth.meshes import MeshViews
+    from photonormal.synth.params import rng
+    from photonormal.synth.recipes import recipe
+    from photonormal.synth.scene import draw_scenes
+
+    def share() -> float:
+        made = [draw_scenes(recipe("sculptures"), rng(k), 1, 4, None).solids for k in range(100)]
+        return sum(isinstance(s, MeshViews) for s in made) / 100
+
+    assert share() == 0
+    (tmp_path / "meshes").mkdir()
+    corners, faces = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"], ["1 3 2", "1 2 4", "1 4 3", "2 3 4"]
+    text = [*(f"v {c}" for c in corners), *(f"f {f}" for f in faces)]
+    (tmp_path / "meshes" / "four.obj").write_text("\n".join(text))
+    monkeypatch.setenv("PHOTONORMAL_DATA", str(tmp_path))
+    assert 0.25 < share() < 0.55

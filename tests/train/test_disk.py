@@ -261,6 +261,14 @@ def test_bad_sets_are_refused_in_one_line_before_anything_is_trained(root, tmp_p
     assert not (tmp_path / "out").exists()
 
 
+def test_a_picture_that_breaks_off_is_named(root, tmp_path):
+    """Its header is whole: it shows when it is decoded."""
+    a_picture(root).write_bytes(a_picture(root).read_bytes()[:-30])
+    with pytest.raises(InputError, match=r"matt-3.* truncated") as caught:
+        run(tmp_path / "out", root)
+    assert len(str(caught.value).splitlines()) == 1
+
+
 def test_sets_that_a_recipe_can_t_use(root, tmp_path):
     for recipe, message in (
         (replace(RECIPE, images=(8, 32)), "has 6 pictures but the recipe shows 8"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from photonormal.synth.recipes import parts
 from photonormal.train.observe import observe, tilted, turn
 from photonormal.train.recipes import RECIPES, Recipe, recipe
 from photonormal.train.replay import replayed
@@ -96,6 +97,7 @@ def test_every_recipe_builds_its_network_and_has_a_falling_rate(name):
 
     r = recipe(name)
     build(r.network, r.config)
+    assert parts(r.stream, **r.rendering)
     shares = [r.share(r.warmup + i, i / 100) for i in range(101)]
     assert shares == sorted(shares, reverse=True)
     assert shares[0] == 1 and shares[-1] <= 0.04

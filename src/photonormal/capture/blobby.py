@@ -28,14 +28,14 @@ def matches(path: Path) -> bool:
 
 def read(path: Path, choice: Choice) -> Capture:
     """The sample in a material's folder; its mask is where the normal map holds a normal."""
-    pictures, lights = listed(path)
+    names, lights = listed(path)
     map = decode(normal_map(path))
     truth = map / full_scale(map) * 2 - 1
     length = np.linalg.norm(truth, axis=-1, keepdims=True)
     truth = np.where(length > 0.1, truth / length.clip(1e-6), 0)  # background is 127, which is -0.004
     return assemble(
         name=f"{path.resolve().parent.name}/{path.resolve().name}",
-        pictures=pictures,
+        pictures=[path / n for n in names],
         lights=lights,
         mask=np.linalg.norm(truth, axis=-1) > 0.5,
         truth=truth,
@@ -43,10 +43,10 @@ def read(path: Path, choice: Choice) -> Capture:
     )
 
 
-def listed(path: Path) -> tuple[list[Path], np.ndarray]:
-    """The pictures that a sample's list names, and their lights (n, 3) as written."""
+def listed(path: Path) -> tuple[list[str], np.ndarray]:
+    """The pictures in a sample's folder that its list names, and their lights (n, 3) as written."""
     names, lights = read_named(read_lines(_list(path)), _list(path))
-    return [path / last_part(n) for n in names], lights
+    return [last_part(n) for n in names], lights
 
 
 def samples(root: Path) -> list[Path]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from dataclasses import dataclass
 from functools import lru_cache
@@ -172,6 +173,14 @@ def load_meshes(folder: str) -> tuple[Mesh, ...]:
             f"{folder} holds no {', '.join(SUFFIXES)} but the test scenes' {kept_out}; give a folder of meshes."
         )
     return tuple(load_mesh(Path(folder) / path) for path in paths)
+
+
+def mesh_folder(meshes: str | None) -> str | None:
+    """The folder that a recipe's `meshes` names; "data" is PHOTONORMAL_DATA/meshes, or none where that is not there."""
+    if meshes != "data":
+        return meshes
+    folder = Path(os.environ.get("PHOTONORMAL_DATA", "")) / "meshes"
+    return str(folder) if "PHOTONORMAL_DATA" in os.environ and folder.is_dir() else None
 
 
 def draw_views(g: np.random.Generator, b: int, folder: str) -> MeshViews:

@@ -29,7 +29,10 @@ class Recipe:
     shapes: tuple[float, ...] = (0.22, 0.13, 0.17, 0.15, 0.06, 0.14, 0.13)
     detail: float = 1.0  # 0: smooth
     solid: str = "drawn"  # "bust": one fixed sculpture instead of drawn shapes
-    meshes: str | None = None  # folder of OBJ files, seen instead of drawn shapes
+    meshes: str | None = (
+        None  # folder of OBJ files, seen instead of drawn shapes; "data": PHOTONORMAL_DATA/meshes or none
+    )
+    mesh_share: float = 1.0  # share of the groups of scenes that see meshes, where there are any
     # materials: shares of principled, sgd, abc, neural, raw MERL files, Lambertian
     materials: tuple[float, ...] = (0.4, 0.25, 0.18, 0.15, 0.1, 0.02)
     varying: float = 0.5  # share whose material changes over the surface
@@ -62,6 +65,7 @@ _PERFECT: dict[str, Any] = dict(
     intensity_error=0.0, light_error_deg=0.0, corrupted=0.0
 )  # lights known exactly, nothing damaged
 _NOISELESS: dict[str, Any] = dict(saturated=0.0, noise=0.0, blurred=0.0, low_bits=0.0, ambient=0.0, smooth_edges=False)
+_STAND_IN: dict[str, Any] = dict(narrow=0.0, varying=0.0, zoom=0.0, **_PERFECT)
 _WHOLE: dict[str, Any] = dict(crop=128, crops=1, zoom=0.0, layout="diligent")  # a window is a whole object
 
 RECIPES: dict[str, Recipe] = {
@@ -70,6 +74,11 @@ RECIPES: dict[str, Recipe] = {
     "objects": Recipe(lights=(96, 96), narrow=1.0, split="validation", **_WHOLE, **_PERFECT),
     "preview": Recipe(lights=(4, 4), **{**_WHOLE, "zoom": 0.25}, **_PERFECT),
     "blobby": Recipe(lights=(64, 64), narrow=0.0, **{**_WHOLE, "layout": "blobby"}, **_PERFECT),
+    # stand-ins for the sets that the paper learns from: lights from everywhere, exact; one material a sample
+    "blobs": Recipe(shapes=(0.3, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0), detail=0.25, **_STAND_IN),
+    "sculptures": Recipe(
+        shapes=(0.0, 0.0, 0.4, 0.25, 0.05, 0.15, 0.15), detail=1.3, meshes="data", mesh_share=0.4, **_STAND_IN
+    ),
     "demo": Recipe(
         size=160,
         scenes=1,
@@ -94,6 +103,20 @@ RECIPES: dict[str, Recipe] = {
         **_NOISELESS,
     ),
 }
+
+
+MIXTURES = {  # name -> recipes and their shares of the blocks of a stream
+    "blobs-and-sculptures": (
+        ("blobs", 25_660),
+        ("sculptures", 58_700),
+    ),  # as many as the samples of Blobby and Sculpture
+}
+
+
+def parts(name: str | Recipe, **changes: Any) -> list[tuple[Recipe, float]]:
+    """The recipes of a mixture and their shares, which sum up to 1; or the one recipe of that name."""
+    mixed = MIXTURES.get(name, ((name, 1),)) if isinstance(name, str) else ((name, 1),)
+    return [(recipe(part, **changes), share / sum(s for _, s in mixed)) for part, share in mixed]
 
 
 def recipe(name: str | Recipe, **changes: Any) -> Recipe:
@@ -130,6 +153,8 @@ def check(made: Recipe) -> None:
         shares = getattr(made, key)
         if min(shares) < 0:
             raise InputError(f"{key} are {shares} but shares can't be negative; change them.")
+    if not 0 <= made.mesh_share <= 1:
+        raise InputError(f"mesh_share is {made.mesh_share} but a share from 0 to 1 is needed; change it.")
     if len(made.shapes) != 7 or len(made.materials) != 6 or not sum(made.shapes) * sum(made.materials):
         raise InputError(
             f"shapes has {len(made.shapes)} shares and materials {len(made.materials)} but 7 and 6, not all zero, "

@@ -17,7 +17,7 @@ from photonormal.synth.bust import busts, glazes
 from photonormal.synth.library import Library
 from photonormal.synth.lights import draw_lights
 from photonormal.synth.materials import Coats, Skin, at_points, draw_coats, dress, radiance, skins_albedo
-from photonormal.synth.meshes import draw_views
+from photonormal.synth.meshes import draw_views, mesh_folder
 from photonormal.synth.params import indices, log_uniform, tensor
 from photonormal.synth.recipes import Recipe
 from photonormal.synth.sculptor import draw_solids
@@ -49,7 +49,11 @@ def draw_scenes(recipe: Recipe, g: np.random.Generator, b: int, n: int, shelf: L
         solids = busts(g, b)
         coats = glazes(solids)
     else:
-        solids = draw_views(g, b, recipe.meshes) if recipe.meshes else draw_solids(g, b, recipe.shapes, recipe.detail)
+        folder = mesh_folder(recipe.meshes)
+        if folder and (recipe.mesh_share == 1 or g.random() < recipe.mesh_share):
+            solids = draw_views(g, b, folder)
+        else:
+            solids = draw_solids(g, b, recipe.shapes, recipe.detail)
         coats = draw_coats(g, b, recipe.materials, recipe.varying, shelf)
     return Scenes(
         solids,

@@ -17,7 +17,7 @@ from torch import Tensor
 from photonormal.synth.library import Library, data_folder, library
 from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
-from photonormal.synth.recipes import Recipe, recipe
+from photonormal.synth.recipes import Recipe, parts
 from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, render, windows
 from photonormal.synth.sensor import measured
 from photonormal.synth.trace import View, visible_surface
@@ -28,7 +28,7 @@ T = TypeVar("T")
 GROUP = {"cpu": 8, "cuda": 64}  # scenes drawn and framed together: fits a cache, fills a GPU
 PARTS = {"cpu": 4}  # at least so many groups, where there are scenes enough: work for that many cores
 GROUPS = 8  # how often in vain before giving up
-PURPOSES = {"block": 0, "group": 1, "batch": 2}  # so that random numbers of different kinds never meet
+PURPOSES = {"block": 0, "group": 1, "batch": 2, "mixture": 3}  # so that random numbers of different kinds never meet
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ class Stream:
 
     Parameters
     ----------
-    name : recipe or its name; further keywords change its fields
+    name : recipe, its name or that of a mixture of some, which blocks take in turn by chance; further keywords change
+        fields of them all
     batch : samples in a batch; divides recipe.scenes * recipe.crops, or the rest of a block is dropped
     device : where samples are rendered and stay
     seed, start_step : as above
@@ -66,19 +67,27 @@ class Stream:
         start_step: int = 0,
         **changes: Any,
     ) -> None:
-        self.recipe = recipe(name, **changes)
+        recipes, self.shares = zip(*parts(name, **changes), strict=True)
+        self.recipes: tuple[Recipe, ...] = recipes
         self.device, self.seed, self.step, self.batch = torch.device(device), seed, start_step, batch
-        self.batches = max(1, self.recipe.scenes * self.recipe.crops // batch)  # of a block
+        fewest = min(r.scenes * r.crops for r in self.recipes)
+        self.batches = max(1, fewest // batch)  # of a block
 
     def __iter__(self) -> Iterator[Batch]:
         while True:
             k, first = divmod(self.step, self.batches)
-            block = render_block(self.recipe, self.seed, k, self.device, self.batches * self.batch)
+            block = render_block(self.recipe_of(k), self.seed, k, self.device, self.batches * self.batch)
             order = torch.from_numpy(rng(self.seed, PURPOSES["batch"], k).permutation(len(block.mask)))
             order = order.to(self.device)
             for i in range(first, self.batches):
                 self.step += 1
                 yield take(block, order[i * self.batch : (i + 1) * self.batch])
+
+    def recipe_of(self, k: int) -> Recipe:
+        """What block `k` is rendered by."""
+        if len(self.recipes) == 1:
+            return self.recipes[0]
+        return self.recipes[int(rng(self.seed, PURPOSES["mixture"], k).choice(len(self.recipes), p=self.shares))]
 
 
 def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, samples: int) -> Batch:

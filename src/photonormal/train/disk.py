@@ -19,8 +19,8 @@ import torch
 
 from photonormal.capture.augmentation import augmented
 from photonormal.synth import Batch
-from photonormal.synth import recipe as rendering
 from photonormal.synth.params import rng
+from photonormal.synth.recipes import parts
 from photonormal.train.recipes import Recipe
 from photonormal.train.sets import SampleSet, check, fewest_pictures, opened
 from photonormal.types import Capture, cores
@@ -43,7 +43,7 @@ class Disk:
     def __init__(self, folders: Sequence[str | Path], recipe: Recipe) -> None:
         self.sets = opened(folders)
         self.recipe = recipe
-        self.crop = rendering(recipe.stream, **recipe.rendering).crop
+        self.crop = parts(recipe.stream, **recipe.rendering)[0][0].crop
         processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))
         self.threads = max(1, cores() // processes)
         self.kept, self.room = {}, KEPT_BYTES // processes

@@ -102,6 +102,9 @@ def _paper(**config: Any) -> Recipe:
     return replace(PAPER, config=config)
 
 
+NO_PRIOR = replace(_paper(prior=""), priors=())
+
+
 CPU = replace(
     PAPER,
     config={"width": 32, "exchange": False},
@@ -152,7 +155,7 @@ NORMALNET_CPU = replace(
 RECIPES = {
     "paper": PAPER,
     # Table 1: what the prior is, where it enters, residual or plain
-    "paper-no-prior": replace(_paper(prior=""), priors=()),
+    "paper-no-prior": NO_PRIOR,
     "paper-prior-rpca": replace(_paper(prior="rpca"), priors=(("rpca", 1.0),)),
     "paper-plain": _paper(residual=False),
     "paper-concat-3": _paper(concat=3),
@@ -166,6 +169,13 @@ RECIPES = {
     # Tables 2 and 3: images seen in training
     "paper-10-images": replace(PAPER, images=(10, 10)),
     "paper-64-images": replace(PAPER, images=(64, 64)),
+    # data amounts: the renderer's stand-ins for Blobby, Sculpture and both, in their proportion; or --data
+    "paper-blobby": replace(PAPER, stream="blobs"),
+    "paper-sculpture": replace(PAPER, stream="sculptures"),
+    "paper-both": replace(PAPER, stream="blobs-and-sculptures"),
+    "paper-blobby-no-prior": replace(NO_PRIOR, stream="blobs"),
+    "paper-sculpture-no-prior": replace(NO_PRIOR, stream="sculptures"),
+    "paper-both-no-prior": replace(NO_PRIOR, stream="blobs-and-sculptures"),
     # the baselines in the same conditions
     "psfcn": PSFCN,
     "psfcn-normalised": replace(PSFCN, config={"normalised": True}),

@@ -55,34 +55,38 @@ class BlobbySet(SampleSet):
                 f"{self.root / name} names {key} but {folder} can't be read ({error.strerror}); restore it or take it "
                 "off the list."
             ) from None
-        pictures, lights = blobby.listed(folder)
-        if not pictures:
+        names, lights = blobby.listed(folder)
+        if not names:
             raise InputError(f"the list of sample {key} of {self.root} is empty; restore it.")
-        missing = [p for p in pictures if p.name not in there]
+        missing = [name for name in names if name not in there]
         if missing:
             more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
-            raise InputError(f"picture {missing[0]} is missing{more} but the sample's list names it; restore it.")
+            raise InputError(
+                f"picture {folder / missing[0]} is missing{more} but the sample's list names it; restore it."
+            )
         length = np.linalg.norm(lights, axis=1)
-        if not (np.isfinite(length) & (length > 0)).all():
-            dark = pictures[int(np.argmin(np.isfinite(length) & (length > 0)))]
-            raise InputError(f"the light of {dark} is no direction but the sample's list needs one; correct it.")
-        sizes = {path: size(path) for path in [blobby.normal_map(folder), *pictures]}
+        usable = np.isfinite(length) & (length > 0)
+        if not usable.all():
+            dark = folder / names[int(usable.argmin())]
+            raise InputError(f"the light of {dark} is no direction but the list needs one; correct it.")
+        within = os.path.join(folder, "")  # strings: paths take longer than the files
+        sizes = {path: size(path) for path in [str(blobby.normal_map(folder)), *(within + name for name in names)]}
         h, w = Counter(sizes.values()).most_common(1)[0][0]
         for path, (rows, columns) in sizes.items():
             if (rows, columns) != (h, w):
                 raise InputError(
                     f"{path} has {rows} x {columns} pixels but the rest of its sample has {h} x {w}; restore it."
                 )
-        return Shape(len(pictures), h, w)
+        return Shape(len(names), h, w)
 
     def read(self, key: str) -> Capture:
         return blobby.read(self.folder(key), Choice())
 
 
-def size(path: Path) -> tuple[int, int]:
+def size(path: str) -> tuple[int, int]:
     """Rows and columns of a picture: from the header where it is a PNG."""
     try:
-        with path.open("rb", buffering=0) as file:
+        with open(path, "rb", buffering=0) as file:
             head = file.read(24)
     except FileNotFoundError:
         raise InputError(f"picture {path} is missing; restore it.") from None
@@ -90,5 +94,5 @@ def size(path: Path) -> tuple[int, int]:
         raise InputError(f"picture {path} can't be read ({error.strerror}); check the file.") from None
     if head[:16] == PNG_START + b"\0\0\0\rIHDR" and len(head) == 24:
         return int.from_bytes(head[20:24], "big"), int.from_bytes(head[16:20], "big")
-    h, w, _ = decode(path).shape
+    h, w, _ = decode(Path(path)).shape
     return h, w

@@ -6,7 +6,7 @@ import torch
 from photonormal.solve.learned.lambertian_prior import LambertianPrior, LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig, NormalNetMethod
 from photonormal.solve.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
-from photonormal.solve.learned.weights import checksum, save
+from photonormal.solve.learned.weights import checksum, encoded
 from photonormal.types import InputError
 from tests.scenes import lambertian, ring, sphere
 
@@ -23,7 +23,7 @@ SMALL = {
 def method(request, tmp_path):
     kind, make = SMALL[request.param]
     torch.manual_seed(0)
-    save(tmp_path / "w.safetensors", kind, make(), {})
+    (tmp_path / "w.safetensors").write_bytes(encoded(kind, make(), {}))
     return request.param(weights=str(tmp_path / "w.safetensors"))
 
 

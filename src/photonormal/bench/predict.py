@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
+import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -228,11 +229,21 @@ def _each(run: partial[Outcome], chosen: list[Item], jobs: int) -> Iterator[Outc
             except BrokenProcessPool:
                 item = waiting[future]
                 yield Outcome(failures=[f"{item.dataset}, {item.name}: a process ended early; use fewer --jobs."])
+    except BaseException:
+        for process in multiprocessing.active_children():
+            process.terminate()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
 
 
 def _few_threads(threads: int) -> None:
+    """What a process of the pool begins with: Ctrl-C is its parent's, whose SIGTERM ends it as cleanly."""
     import torch
 
+    def end(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, end)
     torch.set_num_threads(threads)

@@ -12,7 +12,6 @@ runs/
 from __future__ import annotations
 
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,8 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 import photonormal
-from photonormal.disk import write
+from photonormal.disk import PARTIAL, at_once
+from photonormal.export.folder import as_json
 from photonormal.options import Count, NotNegative, Precision
 from photonormal.stored import Name, Word, read_arrays, read_json
 from photonormal.types import InputError, Normals
@@ -124,21 +124,21 @@ def record_path(prediction: Path) -> Path:
 
 
 def write_prediction(path: Path, normals: Normals, record: dict[str, Any], half: bool) -> None:
-    """Store normals and their record; the normals come last, so that what has a map has a record.
+    """Store normals and their record, at once.
 
     `half`: in half precision, which moves a normal by 0.02 degrees at most; for the many draws.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    _write_json(record_path(path), record)
     map = normals.map.astype(np.float16) if half else normals.map
-    write(path, _npz(normals=map, mask=normals.mask))
+    with at_once(path.parent) as batch:
+        batch.write(record_path(path).name, as_json(record))
+        batch.write(path.name, _npz(normals=map, mask=normals.mask))
 
 
 def write_truth(path: Path, truth: Truth) -> None:
     """Store what an object's predictions are compared with."""
-    path.parent.mkdir(parents=True, exist_ok=True)
     known = {} if truth.normals is None else {"normals": truth.normals.map, "mask": truth.normals.mask}
-    write(path, _npz(object=truth.mask, photograph=truth.photograph, **known))
+    with at_once(path.parent) as batch:
+        batch.write(path.name, _npz(object=truth.mask, photograph=truth.photograph, **known))
 
 
 def read_truth(path: Path) -> Truth:
@@ -157,8 +157,10 @@ def check_config(folder: Path, config: dict[str, Any]) -> None:
     config = {"layout": LAYOUT, "photonormal": photonormal.__version__, **config}
     path = folder / CONFIG
     if not path.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        _write_json(path, config)
+        with at_once(folder) as batch:
+            if others := sorted(p.name for p in folder.iterdir() if p.name != PARTIAL):
+                raise InputError(f"{folder} holds {others[0]} but no predictions of photonormal; choose another --out.")
+            batch.write(CONFIG, as_json(config))
         return
     before = read_config(path)
     for key, what in (
@@ -196,8 +198,9 @@ def configs(runs: Path) -> dict[tuple[str, str], Config]:
 
 def predictions(runs: Path, label: str, dataset: str) -> Iterator[Prediction]:
     """Every stored prediction of a method on a dataset, in the order of names."""
-    for path in sorted((runs / label / dataset).rglob("*.npz")):
-        if not path.name.startswith("."):
+    folder = runs / label / dataset
+    for path in sorted(folder.rglob("*.npz")):
+        if not any(part.startswith(".") for part in path.relative_to(folder).parts):
             yield Prediction(label, dataset, path, read_json(record_path(path), Record, AGAIN))
 
 
@@ -217,7 +220,3 @@ def _read_npz(path: Path, optional: bool = False) -> tuple[Any, dict[str, np.nda
         return Normals(data["normals"].astype(np.float32), data["mask"]), data
     except InputError as error:
         raise InputError(f"{path} can't be read ({error}); {AGAIN}.") from None
-
-
-def _write_json(path: Path, value: dict[str, Any]) -> None:
-    write(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())

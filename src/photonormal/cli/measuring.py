@@ -165,13 +165,13 @@ class Integrate:
     """Replace a file that exists."""
 
     def __call__(self) -> int:
+        from photonormal.disk import refuse_taken
         from photonormal.export import load_normals, save
         from photonormal.integrate import integrate
         from photonormal.measure import read_camera
         from photonormal.progress import progress
 
-        if self.out.exists() and not self.overwrite:
-            raise InputError(f"{self.out} exists; choose another --out, or add --overwrite to replace it.")
+        refuse_taken([self.out], self.overwrite)
         normals = load_normals(self.normals, self.frame)
         with progress(f"depth by {self.method}"):
             surface = integrate(normals, self.method, K=read_camera(self.camera))
@@ -195,10 +195,10 @@ class Convert:
     """Replace a file that exists."""
 
     def __call__(self) -> int:
+        from photonormal.disk import refuse_taken
         from photonormal.export import load_normals, save
 
-        if self.out.exists() and not self.overwrite:
-            raise InputError(f"{self.out} exists; choose another --out, or add --overwrite to replace it.")
+        refuse_taken([self.out], self.overwrite)
         print(save(load_normals(self.normals, self.from_frame), self.out, frame=self.frame))
         return 0
 

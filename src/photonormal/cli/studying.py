@@ -110,12 +110,16 @@ class Figure:
     """Only these, like ball,cat, in this order."""
     limit: Angle | None = None
     """Error in degrees of the last colour of error maps."""
+    overwrite: bool = False
+    """Replace files that exist in OUT."""
 
     def __call__(self) -> int:
         from photonormal.bench.figures import figure
 
         methods, objects = listed(self.methods), listed(self.objects)
-        for path in figure(self.name, self.places, self.out, self.dataset, methods, objects, self.limit):
+        for path in figure(
+            self.name, self.places, self.out, self.dataset, methods, objects, self.limit, self.overwrite
+        ):
             print(path)
         return 0
 

@@ -4,12 +4,21 @@
 `refuse_taken` tells before the work that a file can't be written.
 """
 
-from photonormal.disk.batch import Batch, at_once, recover, write
+from photonormal.disk.batch import Batch, Inside, at_once, recover, write
 from photonormal.disk.journal import PARTIAL
 from photonormal.disk.lock import lock, uninterrupted
 from photonormal.disk.refusals import refuse_folder, refuse_taken, unwritable
 
 __all__ = [
-    "PARTIAL", "Batch", "at_once", "lock", "recover", "refuse_folder", "refuse_taken", "uninterrupted", "unwritable",
+    "PARTIAL",
+    "Batch",
+    "Inside",
+    "at_once",
+    "lock",
+    "recover",
+    "refuse_folder",
+    "refuse_taken",
+    "uninterrupted",
+    "unwritable",
     "write",
-]  # fmt: skip
+]

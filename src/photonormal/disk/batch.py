@@ -20,6 +20,7 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from photonormal.disk.journal import PARTIAL, Journal, stamp, sync
@@ -62,6 +63,10 @@ class Batch:
         path = self / name
         with _told(self):
             path.write_bytes(data)
+
+    def inside(self, name: str) -> Inside:
+        """A folder in the folder, to write files into in the same way."""
+        return Inside(self, name)
 
     def sizes(self) -> dict[str, int]:
         """Bytes of each file written so far."""
@@ -125,6 +130,21 @@ class Batch:
             for folder in reversed(self._made):
                 with suppress(OSError):
                     folder.rmdir()
+
+
+@dataclass(frozen=True)
+class Inside:
+    """A folder of a batch: ``inside / name`` is where to write a file of it for now."""
+
+    batch: Batch
+    name: str
+
+    def __truediv__(self, name: str) -> Path:
+        return self.batch / f"{self.name}/{name}"
+
+    def inside(self, name: str) -> Inside:
+        """A folder in this folder."""
+        return Inside(self.batch, f"{self.name}/{name}")
 
 
 @contextmanager

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.types import InputError
+from photonormal.disk import Batch, Inside
 
 
 def write_diligent(
-    folder: Path,
+    folder: Batch | Inside,
     images: Float[np.ndarray, "n h w 3"],
     lights: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "h w 3"],
@@ -30,7 +30,6 @@ def write_diligent(
     n = len(images)
     if intensities is None:
         intensities = np.ones((n, 3))
-    folder = _new(folder)
     names = [f"{j + 1:03d}.png" for j in range(n)]
     step = 2 ** (16 - bits)
     for j, name in enumerate(names):
@@ -54,14 +53,10 @@ class BlobbyWriter:
             shape_material.txt      lines `picture lx ly lz`
     """
 
-    def __init__(self, root: Path, validation_every: int = 100) -> None:
-        self.root, self.every, self.count = Path(root), validation_every, 0
+    def __init__(self, root: Batch, validation_every: int = 100) -> None:
+        self.root, self.every, self.count = root, validation_every, 0
         for name in ("train_mtrl.txt", "val_mtrl.txt"):
-            if (self.root / name).exists():
-                raise InputError(f"{self.root} already holds a set ({name}); give another folder.")
-        (self.root / "Images").mkdir(parents=True, exist_ok=True)
-        for name in ("train_mtrl.txt", "val_mtrl.txt"):
-            (self.root / name).touch()
+            (root / name).touch()
 
     def write(
         self,
@@ -75,9 +70,10 @@ class BlobbyWriter:
         """Add one sample; the last of each hundred goes to the validation list."""
         import cv2
 
-        folder = _new(self.root / "Images" / shape / material)
+        around = self.root.inside(f"Images/{shape}")
+        folder = around.inside(material)
         coded = np.where(mask[..., None], np.round((normals + 1) / 2 * 255), 127).astype(np.uint8)
-        _write(folder.parent / f"{shape}_normal.png", cv2.cvtColor(coded, cv2.COLOR_RGB2BGR))
+        _write(around / f"{shape}_normal.png", cv2.cvtColor(coded, cv2.COLOR_RGB2BGR))
         lines = []
         for j, (image, l) in enumerate(zip(images, lights, strict=True)):
             name = f"{shape}_{material}_{j:03d}_l_{l[0]:.2f},{l[1]:.2f},{l[2]:.2f}.png"
@@ -91,17 +87,7 @@ class BlobbyWriter:
             file.write(f"{shape}/{material}\n")
 
 
-def _new(folder: Path) -> Path:
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} can't be made ({error.strerror}); give a folder that can be written.") from None
-    return folder
-
-
 def _write(path: Path, picture: np.ndarray) -> None:
     import cv2
 
-    if not cv2.imwrite(str(path), picture, [cv2.IMWRITE_PNG_COMPRESSION, 9]):
-        raise InputError(f"{path} can't be written; give a folder that can be written.")
+    path.write_bytes(cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes())

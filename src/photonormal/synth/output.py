@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import torch
 
+from photonormal import disk
+from photonormal.disk import PARTIAL, at_once
 from photonormal.synth.layout import BlobbyWriter, write_diligent
 from photonormal.synth.params import rng
-from photonormal.synth.preview import contact_sheet, write_sheet
+from photonormal.synth.preview import contact_sheet, encode_sheet
 from photonormal.synth.recipes import Recipe, recipe
 from photonormal.synth.shards import write_recipe, write_shard
 from photonormal.synth.stream import Batch, Stream
@@ -62,25 +62,16 @@ def render(
     if count < 1:
         raise InputError(f"{count} samples were asked for but at least one is needed; change --count.")
     out = Path(out)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out} already exists and isn't an empty folder; give another one.")
-    partial = out.with_name(f"{out.name}.partial-{os.getpid()}")
-    try:
-        partial.mkdir(parents=True)
-        label = name if isinstance(name, str) else "custom"
-        _write(made, label, count, partial, preview, progress, layout, device, seed)
-        if out.exists():
-            out.rmdir()
-        partial.rename(out)
-    except OSError as error:
-        raise InputError(f"{out} can't be written ({error.strerror}); give a folder that can.") from None
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+    label = name if isinstance(name, str) else "custom"
+    with at_once(out, wait_seconds=0) as folder:
+        if any(p.name != PARTIAL for p in out.iterdir()):
+            raise InputError(f"{out} already exists and isn't an empty folder; give another one.")
+        _write(made, label, count, folder, preview, progress, layout, device, seed)
     return out
 
 
 def _write(
-    made: Recipe, label: str, count: int, folder: Path, preview: bool, progress, layout: str, device, seed: int
+    made: Recipe, label: str, count: int, folder: disk.Batch, preview: bool, progress, layout: str, device, seed: int
 ) -> None:
     block = min(made.scenes, -(-count // made.crops))
     made = dataclasses.replace(made, scenes=block)
@@ -105,11 +96,11 @@ def _write(
     if layout == "shards":
         write_recipe(folder, {"name": label, "seed": seed, "count": count, **dataclasses.asdict(made)})
     if preview:
-        write_sheet(folder / "contact-sheet.png", contact_sheet(shown))
+        folder.write("contact-sheet.png", encode_sheet(contact_sheet(shown)))
 
 
 def write_sample(
-    batch: Batch, i: int, index: int, label: str, folder: Path, blobby: BlobbyWriter | None, seed: int = 0
+    batch: Batch, i: int, index: int, label: str, folder: disk.Batch, blobby: BlobbyWriter | None, seed: int = 0
 ) -> None:
     """Sample `i` of a batch as number `index` of a set."""
     images = batch.images[i].permute(0, 2, 3, 1).cpu().numpy()  # (n, h, w, 3)
@@ -121,4 +112,4 @@ def write_sample(
     g = rng(seed, index)
     n = len(lights)
     intensities = g.uniform(0.8, 1, (n, 1)) * g.normal(1, 0.03, (n, 3))  # lamps are never quite alike
-    write_diligent(folder / f"{label}_{index + 1:04d}", images, lights, normals, mask, intensities, bits=12)
+    write_diligent(folder.inside(f"{label}_{index + 1:04d}"), images, lights, normals, mask, intensities, bits=12)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from jaxtyping import Float, UInt8
 
@@ -36,8 +34,8 @@ def _tiles(batch: Batch, pictures: int) -> list[Float[np.ndarray, "h w 3"]]:
     return tiles
 
 
-def write_sheet(path: Path, sheet: UInt8[np.ndarray, "h w 3"]) -> None:
+def encode_sheet(sheet: UInt8[np.ndarray, "h w 3"]) -> bytes:
     """PNG of a contact sheet."""
     import cv2
 
-    cv2.imwrite(str(path), cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    return cv2.imencode(".png", cv2.cvtColor(sheet, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9])[1].tobytes()

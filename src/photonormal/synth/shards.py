@@ -16,6 +16,7 @@ from typing import Any
 
 import torch
 
+from photonormal import disk
 from photonormal.synth.stream import Batch
 from photonormal.types import InputError
 
@@ -23,9 +24,9 @@ RECIPE = "recipe.json"
 TENSORS = ("images", "lights", "normals", "mask")
 
 
-def write_shard(folder: Path, index: int, batch: Batch) -> None:
+def write_shard(folder: disk.Batch, index: int, batch: Batch) -> None:
     """One batch as file `index` of a set; images are in [0, 1]."""
-    from safetensors.torch import save_file
+    from safetensors.torch import save
 
     tensors = {
         "images": (batch.images.clamp(0, 1) * 65535).round().to(torch.int32).to(torch.uint16),
@@ -33,12 +34,12 @@ def write_shard(folder: Path, index: int, batch: Batch) -> None:
         "normals": (batch.normals * 32767).round().to(torch.int16),
         "mask": batch.mask.to(torch.uint8),
     }
-    save_file({k: v.cpu().contiguous() for k, v in tensors.items()}, Path(folder) / f"{index:05d}.safetensors")
+    folder.write(f"{index:05d}.safetensors", save({k: v.cpu().contiguous() for k, v in tensors.items()}))
 
 
-def write_recipe(folder: Path, fields: dict[str, Any]) -> None:
+def write_recipe(folder: disk.Batch, fields: dict[str, Any]) -> None:
     """What the set was rendered by."""
-    (Path(folder) / RECIPE).write_text(json.dumps(fields, indent=1) + "\n")
+    folder.write(RECIPE, (json.dumps(fields, indent=1) + "\n").encode())
 
 
 def shard_sizes(folder: Path) -> dict[Path, list[int]]:

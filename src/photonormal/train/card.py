@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any
 import torch
 
 import photonormal
+from photonormal.disk import at_once
 from photonormal.solve.learned.network import Network, parameters
-from photonormal.solve.learned.weights import save
+from photonormal.solve.learned.weights import encoded
 
 LICENCE = "MIT"
 TITLES = {  # kind of exam -> its heading
@@ -24,14 +26,15 @@ TITLES = {  # kind of exam -> its heading
 
 def export(out: Path, name: str, net: Network, trained: dict[str, Any]) -> Path:
     """Write `name`.safetensors (bf16) and `name`.md into `out`; returns the weights file."""
-    path = out / f"{name}.safetensors"
-    digest = save(path, trained["network"], net, trained)
-    card(path, net, trained, digest)
-    return path
+    data = encoded(trained["network"], net, trained)
+    with at_once(out) as batch:
+        batch.write(f"{name}.safetensors", data)
+        batch.write(f"{name}.md", card(name, net, trained, hashlib.sha256(data).hexdigest()).encode())
+    return out / f"{name}.safetensors"
 
 
-def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None:
-    """Write the card of a weights file."""
+def card(name: str, net: Network, trained: dict[str, Any], digest: str) -> str:
+    """The text of the card of a weights file."""
     rows = [
         ("network", f"{trained['network']}, {parameters(net):,} parameters: `{net.config}`"),
         ("learned from", learned_from(trained)),
@@ -50,13 +53,13 @@ def card(path: Path, net: Network, trained: dict[str, Any], digest: str) -> None
         ("licence", LICENCE),
         ("sha256", digest),
     ]
-    lines = [f"# {path.stem}", "", "| | |", "|---|---|", *[f"| {k} | {v} |" for k, v in rows], ""]
+    lines = [f"# {name}", "", "| | |", "|---|---|", *[f"| {k} | {v} |" for k, v in rows], ""]
     for kind, title in TITLES.items():
         if errors := trained["errors"].get(kind):
             lines += [f"## {title}", "", "| " + " | ".join(errors) + " |", "|" + "---|" * len(errors)]
             lines += ["| " + " | ".join(f"{v:.2f}" for v in errors.values()) + " |", ""]
     lines += ["## Recipe", "", "```json", json.dumps(trained["recipe"], indent=2), "```", ""]
-    path.with_suffix(".md").write_text("\n".join(lines), encoding="utf-8")
+    return "\n".join(lines)
 
 
 def learned_from(trained: dict[str, Any]) -> str:

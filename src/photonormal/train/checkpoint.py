@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +10,7 @@ from typing import Any, NotRequired, TypedDict
 
 import torch
 
+from photonormal.disk import write
 from photonormal.options import NotNegative, Precision, Whole
 from photonormal.stored import converted
 from photonormal.types import InputError
@@ -32,12 +33,9 @@ class State(TypedDict):
 
 def save(out: Path, state: dict[str, Any]) -> None:
     """Write the checkpoint of the folder `out`; a process killed meanwhile leaves the one before."""
-    partial = out / f"{NAME}.partial"
-    with partial.open("wb") as file:
-        torch.save(state, file)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(out / NAME)
+    encoded = io.BytesIO()
+    torch.save(state, encoded)
+    write(out / NAME, encoded.getvalue())
 
 
 def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ()) -> State:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import math
+import os
 import sys
 import time
+import weakref
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import torch
 
+from photonormal.disk import lock, unwritable
+from photonormal.types import InputError
+
 log = logging.getLogger(__name__)
 
+NAME = "journal.jsonl"
+LONGEST = 2**16  # bytes of a line
 EVERY = 50  # steps between two entries
 MEMORY = 0.98  # share of the past in the running loss
 
@@ -22,7 +30,9 @@ class Journal:
     """The first process's record of a training, in `out`/journal.jsonl and `out`/tensorboard."""
 
     def __init__(self, out: Path, step: int, steps: int, minutes: float | None, loss: str = "cosine") -> None:
-        self.file = out / "journal.jsonl"
+        self.path = out / NAME
+        self.file = _opened(self.path)
+        self._unlock = weakref.finalize(self, os.close, self.file)
         self.steps, self.minutes, self.loss = steps, minutes, loss
         self.last_step, self.last_time = step, time.monotonic()
         self.losses: list[torch.Tensor] = []
@@ -67,16 +77,54 @@ class Journal:
         if not values:
             return
         entry = {"step": step, "kind": kind, **{k: round(v, 6) for k, v in values.items()}}
-        with self.file.open("ab") as file:
-            file.write(msgspec.json.encode(entry) + b"\n")
+        self._add(msgspec.json.encode(entry) + b"\n")
         log.info("step %d, %s: %s", step, kind, ", ".join(f"{k} {v:.4g}" for k, v in values.items()))
         if self.board:
             for k, v in values.items():
                 self.board.add_scalar(f"{kind}/{k}", v, step)
 
+    def _add(self, line: bytes) -> None:
+        """A whole line, or none."""
+        size = os.fstat(self.file).st_size
+        try:
+            if os.write(self.file, line) < len(line):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError as error:
+            os.ftruncate(self.file, size)
+            raise unwritable(self.path, error, " The training goes on from its checkpoint with --resume.") from None
+
     def close(self) -> None:
-        """Finish the bar and the board."""
+        """Finish the bar and the board, and let another process train here."""
+        self._unlock()
         if self.bar:
             self.bar.stop()
         if self.board:
             self.board.close()
+
+
+def refuse_foreign(path: Path) -> None:
+    """InputError where the journal of a new training would be added to a file that is no journal of a training."""
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        first = file.readline(LONGEST)
+    try:
+        ours = not first or {"step", "kind"} <= set(msgspec.json.decode(first))
+    except (msgspec.DecodeError, TypeError, RecursionError):
+        ours = False
+    if not ours:
+        raise InputError(f"{path} is no journal of a training and is not written into; choose another --out.")
+
+
+def _opened(path: Path) -> int:
+    """The file, locked while the training goes on."""
+    try:
+        file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    if not lock(file):
+        os.close(file)
+        raise InputError(
+            f"{path.parent} is being trained in by another photonormal; wait for it or choose another --out."
+        )
+    return file

@@ -19,6 +19,7 @@ from typing import Any
 import torch
 
 import photonormal
+from photonormal.disk import at_once, refuse_taken
 from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.solve.learned.network import Network, placed
 from photonormal.solve.learned.processor import computing_in, keep_freed_memory, number_format
@@ -26,7 +27,8 @@ from photonormal.solve.learned.weights import build, checksum, load
 from photonormal.train import checkpoint, recipes
 from photonormal.train.card import device_name, export
 from photonormal.train.disk import Disk
-from photonormal.train.journal import Journal
+from photonormal.train.journal import NAME as JOURNAL
+from photonormal.train.journal import Journal, refuse_foreign
 from photonormal.train.observe import Observed, observe
 from photonormal.train.optimiser import Optimiser
 from photonormal.train.recipes import Recipe
@@ -102,7 +104,7 @@ def train(
     if disk and rank == 0:
         disk.check()
     if not resume and rank == 0:
-        started(out)
+        started(out, name)
     stream = stream or rendered()
 
     torch.manual_seed(recipe.seed)
@@ -286,11 +288,15 @@ def begin(net: Network, begun: Network) -> None:
     net.load_state_dict(new | weights)
 
 
-def started(out: Path) -> None:
-    """Make the folder of a training; refuses to write over another one."""
+def started(out: Path, name: str) -> None:
+    """Make the folder of a training; refuses to write over another one, or over anything else."""
     if (out / checkpoint.NAME).exists():
         raise InputError(f"{out} already holds a training; resume it with --resume or choose another folder.")
-    out.mkdir(parents=True, exist_ok=True)
+    if name != Path(name).name:
+        raise InputError(f"--name {name} came but a name without folders is needed; give that.")
+    with at_once(out):
+        refuse_taken([out / f"{name}.safetensors", out / f"{name}.md"], overwrite=False)
+        refuse_foreign(out / JOURNAL)
 
 
 def rendered() -> Callable[..., Iterable]:

@@ -20,6 +20,7 @@ FIGURES = {  # name -> "module:function"; a function takes a Wish and gives a ma
     "convergence": "photonormal.bench.figures.convergence:convergence",
 }
 DPI = 200
+ENDINGS = ("png", "pdf")
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ def figure(
     methods: Sequence[str] = (),
     objects: Sequence[str] = (),
     limit_deg: float | None = None,
+    overwrite: bool = False,
 ) -> list[Path]:
     """Draw one figure and write it as PNG and PDF.
 
@@ -63,7 +65,8 @@ def figure(
     ----------
     name : a key of FIGURES
     places, dataset, methods, objects, limit_deg : see Wish
-    out : folder to write into; None: `figures` in the folder of runs
+    out : folder to write into; None: `figures` in the folder of runs, where a figure replaces the one before
+    overwrite : replace files in `out`
 
     Returns
     -------
@@ -79,25 +82,23 @@ def figure(
     if not places:
         raise InputError("no folder came; give the folder of runs, or for convergence those of trainings.")
     from photonormal.bench.figures.style import STYLE, style_context
-    from photonormal.disk import write
+    from photonormal.disk import at_once, refuse_taken
 
     wish = Wish(tuple(str(p) for p in places), dataset, tuple(methods), tuple(objects), limit_deg)
     module, function = FIGURES[name].split(":")
     folder = Path(out) if out is not None else Path(wish.places[0].rpartition("=")[2]) / "figures"
+    refuse_taken([folder / f"{name}.{ending}" for ending in ENDINGS], overwrite or out is None)
     with style_context(STYLE):
         drawn = draw(getattr(import_module(module), function), wish)
         files = {}
-        for ending in ("png", "pdf"):
+        for ending in ENDINGS:
             buffer = io.BytesIO()
             drawn.savefig(buffer, format=ending, dpi=DPI, bbox_inches="tight", pad_inches=0.03)
-            files[folder / f"{name}.{ending}"] = buffer.getvalue()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} can't be written ({error.strerror}); choose another --out.") from None
-    for path, data in files.items():
-        write(path, data)
-    return list(files)
+            files[f"{name}.{ending}"] = buffer.getvalue()
+    with at_once(folder) as batch:
+        for file, data in files.items():
+            batch.write(file, data)
+    return [folder / file for file in files]
 
 
 def draw(function: Callable[[Wish], Any], wish: Wish) -> Any:

@@ -14,7 +14,7 @@ from photonormal.bench.page.html import tables_html
 from photonormal.bench.page.layers import COLOURS, LEVELS_PER_DEGREE, UNKNOWN, objects
 from photonormal.bench.scores import all_scored
 from photonormal.bench.tables import tables
-from photonormal.disk import write
+from photonormal.disk import refuse_taken, write
 from photonormal.progress import progress
 from photonormal.types import InputError
 
@@ -56,8 +56,7 @@ def report(
     runs, out = Path(runs), Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"{out} ends in {out.suffix!r} but an .html file is written; choose such a name.")
-    if out.exists() and not overwrite:
-        raise InputError(f"{out} exists; choose another --out, or add --overwrite to replace it.")
+    refuse_taken([out], overwrite)
     found = tables(runs, methods, datasets, published)
     whole = [s for s in all_scored(runs, methods, datasets) if s.prediction.protocol == "all"]
     names = {s.prediction.object for s in whole}

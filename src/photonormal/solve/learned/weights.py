@@ -14,7 +14,7 @@ from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import save
 
 from photonormal.solve.learned.network import Network, placed
 from photonormal.stored import Size, Word, converted, decoded
@@ -46,8 +46,8 @@ def shipped(name: str) -> Path:
     return SHIPPED / f"{name}.safetensors"
 
 
-def save(path: Path, network: str, net: Network, trained: dict, dtype: torch.dtype = torch.bfloat16) -> str:
-    """Write the weights with what is needed to build their network again; returns the file's SHA-256.
+def encoded(network: str, net: Network, trained: dict, dtype: torch.dtype = torch.bfloat16) -> bytes:
+    """A weights file: the weights with what is needed to build their network again.
 
     `trained` says how they were learned (recipe, seed, steps, ...), in values that JSON knows.
     """
@@ -58,11 +58,7 @@ def save(path: Path, network: str, net: Network, trained: dict, dtype: torch.dty
         "trained": json.dumps(trained),
         "sha256": fingerprint(tensors),
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    save_file(tensors, partial, metadata=metadata)
-    partial.replace(path)
-    return checksum(path)
+    return save(tensors, metadata)
 
 
 def load(path: Path, network: str | None = None, device: torch.device | str = "cpu") -> Network:

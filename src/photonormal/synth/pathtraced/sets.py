@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.disk import at_once
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.synth.library import data_folder
 from photonormal.synth.pathtraced import tracer
@@ -205,22 +205,23 @@ def _data(data: Path | str | None) -> Path:
 
 def _open(out: Path, settings: dict[str, Any]) -> dict[str, float]:
     """Seconds of each object that is there already."""
+    path = out / "set.json"
+    if not path.exists():
+        if out.is_dir() and any(out.iterdir()):
+            raise InputError(f"{out} holds other things than a set; give another folder.")
+        _save(out, settings, {})
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        path = out / "set.json"
-        if not path.exists():
-            _save(out, settings, {})
         kept = json.loads(path.read_text())
     except OSError as error:
-        raise InputError(f"{out} can't be written ({error.strerror}); give another folder.") from None
+        raise InputError(f"{path} can't be read ({error.strerror}); give another folder.") from None
     except ValueError:
-        raise InputError(f"{out / 'set.json'} is damaged; remove {out} and render the set again.") from None
+        raise InputError(f"{path} is damaged; remove {out} and render the set again.") from None
     if kept.get("settings") != settings:
         raise InputError(f"{out} holds a set made with other arguments; give another folder or remove that one.")
     return kept["seconds"]
 
 
 def _save(out: Path, settings: dict[str, Any], seconds: dict[str, float]) -> None:
-    part = out / "set.json.part"
-    part.write_text(json.dumps({"settings": settings, "seconds": seconds}, indent=1) + "\n")
-    shutil.move(part, out / "set.json")
+    text = json.dumps({"settings": settings, "seconds": seconds}, indent=1) + "\n"
+    with at_once(out) as batch:
+        batch.write("set.json", text.encode())

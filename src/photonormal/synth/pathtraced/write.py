@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import io
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.disk import at_once
 from photonormal.synth.layout import write_diligent
 from photonormal.synth.pathtraced.tracer import eroded
 
@@ -22,8 +21,8 @@ def write_object(
     mask: Bool[np.ndarray, "h w"],
 ) -> None:
     """A DiLiGenT object of linear images whose full scale is 1."""
-    with _whole(folder) as part:
-        write_diligent(part, images, lights, normals, mask)
+    with at_once(folder) as batch:
+        write_diligent(batch, images, lights, normals, mask)
 
 
 def write_cyclesps(
@@ -34,36 +33,29 @@ def write_cyclesps(
     mask: Bool[np.ndarray, "h w"],
 ) -> None:
     """A CyclesPS object: linear images (n, h, w, 3) of each kind of material, full scale 1."""
-    import tifffile
-
-    with _whole(folder) as part:
+    with at_once(folder) as batch:
         for kind, stack in images.items():
-            (part / f"images_{kind}").mkdir(parents=True)
             for j, image in enumerate(stack):
                 values = np.round(image.clip(0, 1) * 65535).astype(np.uint16)
-                tifffile.imwrite(part / f"images_{kind}" / f"{j:05d}.tif", values, photometric="rgb")
-        np.savetxt(part / "light.txt", lights, "%.7f")
+                batch.write(f"images_{kind}/{j:05d}.tif", _tiff(values))
+        np.savetxt(batch / "light.txt", lights, "%.7f")
         coded = np.round((normals + 1) / 2 * 65535).astype(np.uint16)
-        tifffile.imwrite(part / "gt_normal.tif", coded, photometric="rgb")
-        _write_mask(part / "inboundary.png", mask)
-        _write_mask(part / "onboundary.png", mask & ~eroded(mask))
+        batch.write("gt_normal.tif", _tiff(coded))
+        batch.write("inboundary.png", _png(mask))
+        batch.write("onboundary.png", _png(mask & ~eroded(mask)))
 
 
-def _write_mask(path: Path, mask: Bool[np.ndarray, "h w"]) -> None:
+def _tiff(picture: np.ndarray) -> bytes:
+    """A TIFF file."""
+    import tifffile
+
+    encoded = io.BytesIO()
+    tifffile.imwrite(encoded, picture, photometric="rgb")
+    return encoded.getvalue()
+
+
+def _png(mask: Bool[np.ndarray, "h w"]) -> bytes:
+    """A PNG file, white on the mask."""
     import cv2
 
-    cv2.imwrite(str(path), mask.astype(np.uint8) * 255)
-
-
-@contextmanager
-def _whole(folder: Path) -> Iterator[Path]:
-    """A folder beside the one that is wanted, which takes its place when the block ends well."""
-    part = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    try:
-        yield part
-        shutil.rmtree(folder, ignore_errors=True)
-        part.rename(folder)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+    return cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes()

@@ -6,14 +6,15 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk", "options", "stored"}
+BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "types": set(),
+    "files": {"types"},
     "geometry": {"types"},
     "shading": set(),
     "disk": {"types"},
     "options": {"types"},
-    "stored": {"types"},
+    "stored": {"types", "files"},
     "progress": set(),
     "capture": BASE,
     "calibrate": BASE,

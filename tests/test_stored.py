@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from photonormal import stored
+from photonormal.files import memory
+from photonormal.files.opening import read_npz
 from photonormal.options import Whole
-from photonormal.stored import Name, read_arrays, read_bytes, read_json
+from photonormal.stored import Name, read_bytes, read_json
 from photonormal.types import InputError
 
 KIND = dict[str, Whole]
@@ -51,7 +53,12 @@ def test_names_stay_below_their_folder(name):
 def test_only_regular_files_of_bounded_size_are_read(tmp_path):
     (tmp_path / "long").write_bytes(bytes(100))
     os.mkfifo(tmp_path / "pipe")
-    for name, says in (("long", "at most 99"), ("pipe", "is no file"), (".", "is no file"), ("absent", "No such file")):
+    for name, says in (
+        ("long", "at most 99"),
+        ("pipe", "is a FIFO"),
+        (".", "Is a directory"),
+        ("absent", "No such file"),
+    ):
         with pytest.raises(InputError, match=says):
             read_bytes(tmp_path / name, "give another", 99)
 
@@ -84,12 +91,12 @@ def npy(array, shape=None):
 def test_arrays_are_numbers_that_the_file_holds(tmp_path, data):
     (tmp_path / "a.npz").write_bytes(data)
     with pytest.raises(InputError, match=r"a\.npz can't be read"):
-        read_arrays(tmp_path / "a.npz", "save it again")
+        read_npz(tmp_path / "a.npz", "save it again")
 
 
 def test_arrays_larger_than_memory_allows_are_not_unpacked(tmp_path, monkeypatch):
     np.savez_compressed(tmp_path / "a.npz", a=np.zeros(2**20))
-    assert read_arrays(tmp_path / "a.npz", "")["a"].shape == (2**20,)
-    monkeypatch.setattr(stored, "LARGEST", 2**20)
-    with pytest.raises(InputError, match="its arrays have 8388608 bytes"):
-        read_arrays(tmp_path / "a.npz", "save it again")
+    assert read_npz(tmp_path / "a.npz", "")["a"].shape == (2**20,)
+    monkeypatch.setattr(memory, "_given", 2**20)
+    with pytest.raises(InputError, match=r"would take 8\.4 MB but one file may take"):
+        read_npz(tmp_path / "a.npz", "save it again")

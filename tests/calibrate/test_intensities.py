@@ -88,7 +88,7 @@ def test_the_command_makes_measuring_exact_again(tmp_path, capsys, how):
     assert errors[1] < 0.8 < 4 < errors[0]
 
 
-def jpeg(path, seconds: tuple[int, int] | None, iso: int | None = 100, srgb: bool = True) -> None:
+def jpeg(path, seconds: tuple[int, int] | None, iso: int | None = 100, srgb: bool = True, level: int = 128) -> None:
     """A JPEG with the Exif data that cameras write."""
     import cv2
 
@@ -102,7 +102,7 @@ def jpeg(path, seconds: tuple[int, int] | None, iso: int | None = 100, srgb: boo
     for tag, kind, count, value in entries:
         tiff += struct.pack("<HHII", tag, kind, count, data if kind == 5 else value)
     tiff += struct.pack("<I", 0) + (struct.pack("<II", *seconds) if seconds else b"")
-    picture = cv2.imencode(".jpg", np.full((16, 16), 128, np.uint8))[1].tobytes()
+    picture = cv2.imencode(".jpg", np.full((16, 16), level, np.uint8))[1].tobytes()
     block = b"Exif\0\0" + tiff
     path.write_bytes(picture[:2] + b"\xff\xe1" + struct.pack(">H", len(block) + 2) + block + picture[2:])
 
@@ -140,7 +140,7 @@ def test_damaged_exif_is_no_exif(tmp_path, data):
 
 def test_jpegs_that_declare_srgb_are_linearised_unless_told_otherwise(tmp_path):
     for j in range(4):
-        jpeg(tmp_path / f"{j}.jpg", (1, 50))
+        jpeg(tmp_path / f"{j}.jpg", (1, 50), level=128 + j)
     np.savetxt(tmp_path / "light_directions.txt", dome(4))
     value = 128 / 255
     assert pn.load(tmp_path).images[0].mean() == pytest.approx(((value + 0.055) / 1.055) ** 2.4, abs=2e-3)
@@ -149,7 +149,8 @@ def test_jpegs_that_declare_srgb_are_linearised_unless_told_otherwise(tmp_path):
 
 def test_exif_exposures_divide_the_pictures(tmp_path):
     for j, denominator in enumerate((50, 100, 25)):
-        jpeg(tmp_path / f"{j}.jpg", (1, denominator))
+        jpeg(tmp_path / f"{j}.jpg", (1, denominator), level=128 + j)
     np.savetxt(tmp_path / "light_directions.txt", [[0, 0, 1], [0.5, 0, 1], [0, 0.5, 1]])
-    images = pn.load(tmp_path, exif_exposure=True).images
-    assert images[1].mean() / images[0].mean() == pytest.approx(2) and images[2].mean() / images[0].mean() == 0.5
+    plain, images = (pn.load(tmp_path, exif_exposure=divided).images for divided in (False, True))
+    gain = [images[j].mean() / plain[j].mean() for j in range(3)]
+    assert gain[1] / gain[0] == pytest.approx(2) and gain[2] / gain[0] == pytest.approx(0.5)

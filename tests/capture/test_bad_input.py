@@ -38,7 +38,7 @@ class TestPictures:
     @pytest.mark.parametrize(
         ("picture", "came"),
         [
-            (samples()[1:], "(23, 30, 3) uint16"),
+            (samples()[1:], "(23, 30)"),
             (samples()[..., :1], "(24, 30, 1) uint16"),
             (samples(0, np.uint8), "(24, 30, 3) uint8"),
         ],

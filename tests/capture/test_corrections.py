@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import photonormal as pn
-from photonormal.capture.corrections import Lens, hot_pixels, read_lens
+from photonormal.capture.corrections import hot_pixels
+from photonormal.capture.lens import Lens, read_lens
 from photonormal.geometry import FRAMES, angle_deg, in_frame
 from photonormal.types import InputError
 from tests.scenes import lambertian, ring, sphere, write_diligent

@@ -52,12 +52,13 @@ def test_images_own_their_memory(paths):
     assert files[0].max() <= 1
 
 
-def test_threads_read_what_one_reads(paths):
-    files, again = ImageFiles(paths * 20, MASK, np.ones((80, 1))), ImageFiles(paths, MASK, ONE)
-    capture = Capture(files, MASK, np.tile(LIGHTS, (20, 1)))
+def test_threads_read_what_one_reads(tmp_path):
+    paths = [write_picture(tmp_path / f"{j}.png", samples(j)) for j in range(40)]
+    files, again = ImageFiles(paths, MASK, np.ones((40, 1))), ImageFiles(paths, MASK, np.ones((40, 1)))
+    capture = Capture(files, MASK, np.tile(LIGHTS, (10, 1)))
     for _ in range(2):
         for j, image in enumerate(capture.map_images(lambda j, image: image)):
-            np.testing.assert_array_equal(image, again[j % 4])
+            np.testing.assert_array_equal(image, again[j])
 
 
 def test_a_grey_picture_takes_the_mean_of_the_colours_intensities(tmp_path):
@@ -107,13 +108,13 @@ class TestSums:
 
     def test_parts_of_two_sizes(self, tmp_path, paths):
         small = write_picture(tmp_path / "small.png", samples()[:20])
-        assert "differ in size" in refusal(ImageFiles, [(paths[0], small)], None, ONE[:1])
+        assert "(20, 30) but (24, 30) is needed" in refusal(ImageFiles, [(paths[0], small)], None, ONE[:1])
 
 
 @pytest.mark.parametrize(
     ("other", "came"),
     [
-        (samples()[:, :29], "(24, 29, 3) uint16"),
+        (samples()[:, :29], "(24, 29)"),
         (samples()[..., :1], "(24, 30, 1) uint16"),
         (samples(0, np.uint8), "(24, 30, 3) uint8"),
     ],
@@ -121,7 +122,7 @@ class TestSums:
 def test_pictures_of_two_kinds(tmp_path, paths, other, came):
     path = write_picture(tmp_path / "other.png", other)
     message = refusal(ImageFiles([*paths, path], MASK, np.ones((5, 1))).__getitem__, 4)
-    assert came in message and "(24, 30, 3) uint16" in message and "other.png" in message
+    assert came in message and "(24, 30" in message and "other.png" in message
 
 
 class TestMasks:

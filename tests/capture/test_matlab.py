@@ -69,7 +69,7 @@ def test_other_files(tmp_path, data):
 
 
 def test_missing_and_folder(tmp_path):
-    assert "No such file" in refusal(read_mat, tmp_path / "a.mat", "Normal_gt")
+    assert "is missing" in refusal(read_mat, tmp_path / "a.mat", "Normal_gt")
     assert "Is a directory" in refusal(read_mat, tmp_path, "Normal_gt")
 
 

@@ -1,9 +1,19 @@
 """Numbers in text files, as people and their programs write them."""
 
+import os
+
 import numpy as np
 import pytest
 
-from photonormal.capture.texts import number, read_directions, read_intensities, read_lines, read_table
+from photonormal.capture.texts import (
+    beside,
+    number,
+    read_directions,
+    read_intensities,
+    read_lines,
+    read_table,
+    spellings,
+)
 from tests.capture.files import refusal
 
 TABLE = [[0, 0.5, 1], [-0.25, 0.125, 1e-3]]
@@ -50,7 +60,13 @@ def test_binary_junk(tmp_path):
 
 def test_names_in_old_encodings_and_with_odd_spaces(tmp_path):
     (tmp_path / "a.txt").write_bytes("Gefäß 1.png\r\nb\x85c.png\r\n".encode("latin-1"))
-    assert read_lines(tmp_path / "a.txt") == ["Gefäß 1.png", "b\x85c.png"]
+    names = read_lines(tmp_path / "a.txt")
+    assert [spellings(n)[-1] for n in names] == ["Gefäß 1.png", "b\x85c.png"]
+    for name in ("Gefäß 1.png".encode("latin-1"), "Gefäß 1.png".encode()):  # on disk: the very bytes, and UTF-8
+        file = tmp_path / os.fsdecode(name)
+        file.write_bytes(b"")
+        assert beside(tmp_path, names[0]) == file
+        file.unlink()
 
 
 def test_missing_and_folder(tmp_path):

@@ -102,7 +102,7 @@ def test_unknown_endings_and_files_are_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         load_normals(tmp_path / "n.png")
     (tmp_path / "n.png").write_bytes(b"no picture")
-    with pytest.raises(InputError, match="normal map"):
+    with pytest.raises(InputError, match="is no PNG"):
         load_normals(tmp_path / "n.png")
     with pytest.raises(InputError, match="create it first"):
         pn.save(sphere(), tmp_path / "absent" / "n.png")

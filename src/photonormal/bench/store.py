@@ -22,8 +22,9 @@ import numpy as np
 import photonormal
 from photonormal.disk import PARTIAL, at_once
 from photonormal.export.folder import as_json
+from photonormal.files.opening import read_npz
 from photonormal.options import Count, NotNegative, Precision
-from photonormal.stored import Name, Word, read_arrays, read_json
+from photonormal.stored import Name, Word, read_json
 from photonormal.types import InputError, Normals
 
 LAYOUT = 1  # of the folder; another number can't be read
@@ -211,7 +212,7 @@ def _npz(**arrays: np.ndarray) -> bytes:
 
 
 def _read_npz(path: Path, optional: bool = False) -> tuple[Any, dict[str, np.ndarray]]:
-    data = read_arrays(path, AGAIN)
+    data = read_npz(path, AGAIN)
     if optional and "normals" not in data:
         return None, data
     if not {"normals", "mask"} <= set(data):

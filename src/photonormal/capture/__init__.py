@@ -32,6 +32,7 @@ def load(
     dark: str | Path | None = None,
     flat: str | Path | None = None,
     lens: str | Path | None = None,
+    memory: str = "",
     **choices: Any,
 ) -> Capture:
     """Photographs, mask and light directions of one object.
@@ -49,6 +50,8 @@ def load(
     intensities : file with light intensities, instead of the capture's own
     dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by
     lens : calibration that OpenCV wrote, whose distortion is taken out
+    memory : how much this process may use from now on, such as "3GB"; empty: as before, half of what is free at first.
+        An eighth of it bounds what one file may take when it is decoded
     choices : `linear`, `exif_exposure`, `hot_pixels`, `frame`, and for near lights `mm_per_px`, `dome_radius_mm` and
         `focal_px`, see `photonormal.capture.assemble.Choice`
 
@@ -58,7 +61,9 @@ def load(
         In one line: what came, what was needed, what to do.
     """
     from photonormal.capture.assemble import Choice
+    from photonormal.files.memory import allow
 
+    allow(memory)
     if format != "auto" and format not in FORMATS:
         raise InputError(f"no format {format!r}; choose from auto, {', '.join(FORMATS)}.")
     path = Path(path)

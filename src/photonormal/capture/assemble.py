@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.corrections import Corrected, Lens, flat_field, hot_pixels, read_frame, read_lens
-from photonormal.capture.decode import SUFFIXES
+from photonormal.capture.corrections import Corrected, flat_field, hot_pixels, read_frame
 from photonormal.capture.exif import declared_srgb, exposures
 from photonormal.capture.images import ImageFiles, Picture, parts, read_mask
+from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import in_order_of, placed, read_lights
 from photonormal.capture.texts import read_intensities
+from photonormal.files.decode import SUFFIXES, frame_of
 from photonormal.geometry import in_frame
 from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals
 
@@ -66,14 +67,14 @@ def assemble(
     choice: Choice,
     intensities: np.ndarray | None = None,
     mask: Path | np.ndarray | None = None,
-    truth: np.ndarray | None = None,
+    truth: np.ndarray | Callable[[tuple[int, int]], np.ndarray] | None = None,
     lamps: Lamps | None = None,
     camera: Camera | None = None,
 ) -> Capture:
     """A Capture of the chosen pictures.
 
     `lights` is (n, 3) for the n `pictures`, as written, or None where there are none or `lamps`, `intensities` (n, 1 or
-    3) or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown.
+    3) or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown, or what reads it for pictures of (h, w).
     """
     n = len(pictures)
     if not n:
@@ -89,13 +90,15 @@ def assemble(
     if lights is not None:
         lights = in_frame(lights, choice.frame)
     chosen = parse_images(choice.images, n)
-    missing = [path for j in chosen for path in parts(pictures[j]) if not os.path.isfile(path)]
+    files = [path for j in chosen for path in parts(pictures[j])]
+    missing = [path for path in files if not os.path.exists(path) or os.path.isdir(path)]
     if missing:
         more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
         raise InputError(
             f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list "
             "that names it or choose others with --images."
         )
+    refuse_repeated(files)
     if choice.intensities is not None:
         intensities = read_intensities(choice.intensities, n)
     if intensities is None:
@@ -105,26 +108,41 @@ def assemble(
     if choice.mask is not None:
         mask = choice.mask
     if isinstance(mask, Path):
-        mask = read_mask(mask)
+        mask = read_mask(mask, frame_of(files[0]))
     srgb = choice.srgb or (not choice.linear and declared_srgb(parts(pictures[chosen[0]])[0]))
-    files = ImageFiles([pictures[j] for j in chosen], None if choice.lens else mask, intensities[chosen], srgb)
-    images, lens = corrected(files, choice)
+    box = None if choice.lens else mask
+    samples = ImageFiles([pictures[j] for j in chosen], box, intensities[chosen], srgb, distinct=True)
+    images, lens = corrected(samples, choice)
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
     if lamps is None:
-        h, w = files.shape[1:3]
+        h, w = samples.shape[1:3]
         lamps, camera = placed(lights, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, (h, w))
+    given = truth(samples.shape[1:3]) if callable(truth) else truth
     return Capture(
         images=images,
-        mask=np.ones(files.shape[1:3], bool) if mask is None else mask,
+        mask=np.ones(samples.shape[1:3], bool) if mask is None else mask,
         lights=None if lights is None else lights[chosen],
         lamps=None if lamps is None else lamps[chosen],
         camera=camera,
-        truth=None if truth is None else known_normals(truth),
-        saturation=files.saturation,
+        truth=None if given is None else known_normals(given),
+        saturation=samples.saturation,
         name=name,
         image_names=tuple(names[j] for j in chosen),
     )
+
+
+def refuse_repeated(paths: Sequence[Path]) -> None:
+    """Raise where two paths lead to one file: a photograph has one light."""
+    seen: dict[tuple[int, int], Path] = {}
+    for path in paths:
+        status = os.stat(path)
+        first = seen.setdefault((status.st_dev, status.st_ino), path)
+        if first is not path:
+            raise InputError(
+                f"{first.name} is named {'twice' if first == path else f'again as {path.name}'} but a photograph has "
+                "one light; correct the list that names it or choose others with --images."
+            )
 
 
 def corrected(files: ImageFiles, choice: Choice) -> tuple[Images, Lens | None]:
@@ -209,4 +227,6 @@ def find_mask(folder: Path) -> Path | None:
 
 
 def _picture_files(folder: Path) -> list[Path]:
-    return [p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and p.is_file()]
+    return [
+        p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and not p.is_dir()
+    ]

@@ -5,36 +5,18 @@ A sample is s = g (e I) + d with the dark level d and the flat field g: I = (s -
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.capture.decode import decode, full_scale
 from photonormal.capture.images import ImageFiles
+from photonormal.capture.lens import Lens
+from photonormal.files.decode import decode, frame_of, full_scale
 from photonormal.types import Image, InputError
 
 LEAST_FLAT = 0.02  # of the flat field's median: darker places hold no light to divide by
 HOT, RATIO = 0.03, 1.5  # of full scale, and times the median of its neighbours: above both a pixel is hot
-NAMES = (("camera_matrix", "cameraMatrix", "K", "mtx"), ("distortion_coefficients", "distCoeffs", "D", "dist"))
-
-
-@dataclass(frozen=True)
-class Lens:
-    """Camera matrix (3, 3) in pixels and OpenCV's distortion coefficients."""
-
-    K: Float[np.ndarray, "3 3"]
-    distortion: Float[np.ndarray, " k"]
-
-    def undistorted(self, picture: np.ndarray, nearest: bool = False) -> np.ndarray:
-        """The picture as a camera with the same matrix and no distortion would have taken it."""
-        import cv2
-
-        h, w = picture.shape[:2]
-        x, y = cv2.initUndistortRectifyMap(self.K, self.distortion, np.eye(3), self.K, (w, h), cv2.CV_32FC1)
-        how = cv2.INTER_NEAREST if nearest else cv2.INTER_LINEAR
-        return cv2.remap(picture, x, y, how, borderMode=cv2.BORDER_CONSTANT).reshape(picture.shape)
 
 
 class Corrected:
@@ -85,11 +67,13 @@ def neighbours(image: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w c"]:
 
 def read_frame(path: Path, shape: tuple[int, ...], what: str, linear: np.ndarray | None = None) -> np.ndarray:
     """A dark frame or flat field (h, w, c) as a fraction of full scale, linearised by the table `linear`."""
-    samples = decode(path)
-    if samples.shape[:2] != tuple(shape[:2]) or samples.shape[2] not in (1, shape[2]):
+    frame = frame_of(path)
+    samples = decode(path) if frame == tuple(shape[:2]) else None
+    if samples is None or samples.shape[2] not in (1, shape[2]):
+        came = frame if samples is None else samples.shape
         raise InputError(
-            f"the {what} {path} is {samples.shape} but the photographs are {tuple(shape)}; take it with the same "
-            "camera and settings."
+            f"the {what} {path} is {came} but the photographs are {tuple(shape)}; take it with the same camera and "
+            "settings."
         )
     if linear is not None and samples.dtype.kind == "u":
         return linear[samples]
@@ -113,34 +97,3 @@ def hot_pixels(level: Float[np.ndarray, "h w c"]) -> Bool[np.ndarray, "h w"]:
     """Pixels that stand out of their surroundings in a dark frame, or in the minimum over all pictures."""
     around = neighbours(level)
     return np.any((level > around + HOT) & (level > RATIO * around), axis=-1)
-
-
-def read_lens(path: Path) -> Lens:
-    """A calibration that OpenCV wrote (.yml, .yaml, .xml, .json), or an .npz with the same names."""
-    try:
-        values = _npz(path) if path.suffix.lower() == ".npz" else _storage(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{path} can't be read as a lens calibration ({error}); give OpenCV's .yml file.") from None
-    found = [next((values[n] for n in names if values.get(n) is not None), None) for names in NAMES]
-    if found[0] is None or found[1] is None or found[0].shape != (3, 3) or found[1].size not in (4, 5, 8, 12, 14):
-        raise InputError(
-            f"{path} has no camera_matrix (3, 3) and distortion_coefficients of 4, 5, 8, 12 or 14 numbers; write them "
-            "with OpenCV's calibration."
-        )
-    return Lens(found[0].astype(np.float64), found[1].astype(np.float64).ravel())
-
-
-def _storage(path: Path) -> dict[str, np.ndarray | None]:
-    import cv2
-
-    text = path.read_text(errors="replace")
-    try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        return {name: storage.getNode(name).mat() for names in NAMES for name in names}
-    except (cv2.error, SystemError):
-        raise ValueError("OpenCV does not understand it") from None
-
-
-def _npz(path: Path) -> dict[str, np.ndarray | None]:
-    with np.load(path, allow_pickle=False) as data:
-        return {name: data[name] for name in data.files}

@@ -15,9 +15,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
+
 from photonormal.capture.assemble import Choice, assemble, natural
-from photonormal.capture.decode import decode, full_scale
 from photonormal.capture.texts import read_directions
+from photonormal.files.decode import decode, full_scale
 from photonormal.types import Capture, InputError
 
 
@@ -40,17 +42,22 @@ def read(path: Path, choice: Choice) -> Capture:
         path = kinds[0] if kinds else path
     direct = sorted(path.glob("*_direct.tif"), key=natural)
     whole = sorted((p for p in path.glob("*.tif") if p.stem.isdecimal()), key=natural)
-    normals = decode(folder / "gt_normal.tif")
     mask = folder / "inboundary.png"
     kind = path.name.removeprefix("images_") if path != folder else ""
     return assemble(
         name=f"{folder.name.removesuffix('.obj')} {kind}".strip(),
         pictures=[(p, p.with_name(p.name.replace("_direct", "_indirect"))) for p in direct] or whole,
         lights=read_directions(folder / "light.txt"),
-        mask=mask if mask.exists() else None,
-        truth=normals / full_scale(normals) * 2 - 1,
+        mask=mask if os.path.lexists(mask) else None,
+        truth=lambda frame: read_normals(folder / "gt_normal.tif", frame),
         choice=choice,
     )
+
+
+def read_normals(path: Path, frame: tuple[int, int]) -> np.ndarray:
+    """The normals (h, w, 3) that a picture of the size `frame` codes."""
+    normals = decode(path, frame)
+    return normals / full_scale(normals) * 2 - 1
 
 
 def _object(path: Path) -> Path:

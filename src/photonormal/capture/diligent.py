@@ -18,7 +18,7 @@ import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
 from photonormal.capture.matlab import read_mat
-from photonormal.capture.texts import read_directions, read_intensities, read_lines
+from photonormal.capture.texts import beside, read_directions, read_intensities, read_lines
 from photonormal.types import Capture, InputError
 
 NEEDED = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
@@ -45,24 +45,21 @@ def read(path: Path, choice: Choice) -> Capture:
             f"{path} holds {len(found)} objects but one is measured at a time; choose from "
             f"{', '.join(str(p) for p in found)}."
         )
-    names = read_lines(path / "filenames.txt")
+    names, truth = read_lines(path / "filenames.txt"), path / "Normal_gt.mat"
     return assemble(
         name=path.resolve().name.removesuffix("PNG"),
-        pictures=[path / name for name in names],
+        pictures=[beside(path, name) for name in names],
         lights=read_directions(path / "light_directions.txt"),
         intensities=read_intensities(path / "light_intensities.txt", len(names)),
-        mask=path / "mask.png" if (path / "mask.png").exists() else None,
-        truth=read_normals(path / "Normal_gt.mat") if (path / "Normal_gt.mat").exists() else None,
+        mask=path / "mask.png" if os.path.lexists(path / "mask.png") else None,
+        truth=(lambda frame: read_normals(truth, frame)) if os.path.lexists(truth) else None,
         choice=choice,
     )
 
 
-def read_normals(path: Path) -> np.ndarray:
-    """The variable Normal_gt (h, w, 3) of a MATLAB file."""
-    normals = read_mat(path, "Normal_gt")
-    if normals.ndim != 3 or normals.shape[2] != 3:
-        raise InputError(f"Normal_gt in {path} is {normals.shape} but (h, w, 3) is needed; save normals there.")
-    return normals
+def read_normals(path: Path, frame: tuple[int, int]) -> np.ndarray:
+    """The variable Normal_gt (h, w, 3) of a MATLAB file, for pictures of (h, w)."""
+    return read_mat(path, "Normal_gt", (*frame, 3))
 
 
 def is_object(folder: Path) -> bool:

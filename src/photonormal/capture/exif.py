@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.files.opening import open_file
 from photonormal.types import InputError
 
 EXPOSURE, F_NUMBER, ISO, EXIF, COLOUR_SPACE = 0x829A, 0x829D, 0x8827, 0x8769, 0xA001
@@ -38,11 +39,11 @@ class Exif:
 def read_exif(path: Path) -> Exif:
     """What Exif says; nothing where a file has none or a damaged one."""
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             data = file.read(READ)
         tiff = _tiff(data)
         tags = _tags(tiff) if tiff else {}
-    except (OSError, struct.error, ValueError, IndexError):
+    except (OSError, struct.error, ValueError, IndexError, OverflowError):
         return Exif()
     return Exif(tags.get(EXPOSURE), tags.get(F_NUMBER), tags.get(ISO), tags.get(COLOUR_SPACE) == 1)
 

@@ -12,12 +12,13 @@ my-object/
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 from photonormal.capture.assemble import Choice, assemble, find_mask, find_pictures
 from photonormal.capture.diligent import read_normals
 from photonormal.capture.lights import read_csv
-from photonormal.capture.texts import read_directions, read_intensities, read_lines
+from photonormal.capture.texts import beside, read_directions, read_intensities, read_lines
 from photonormal.types import Capture, InputError
 
 
@@ -29,15 +30,15 @@ def matches(path: Path) -> bool:
 def read(path: Path, choice: Choice) -> Capture:
     """Pictures of the folder with the lights that lie beside them, or `choice.lights`."""
     listed = path / "filenames.txt"
-    pictures = [path / n for n in read_lines(listed)] if listed.exists() else find_pictures(path)
+    pictures = [beside(path, n) for n in read_lines(listed)] if os.path.lexists(listed) else find_pictures(path)
     lights = None
     if not pictures or choice.lights is not None:
         pass
-    elif (path / "light_directions.txt").exists():
+    elif os.path.lexists(path / "light_directions.txt"):
         lights = read_directions(path / "light_directions.txt")
-    elif (path / "lights.csv").exists():
+    elif os.path.lexists(path / "lights.csv"):
         names, lights = read_csv(path / "lights.csv")
-        pictures = [path / n for n in names] or pictures
+        pictures = [beside(path, n) for n in names] or pictures
     else:
         raise InputError(
             f"{path} has {len(pictures)} pictures but no light_directions.txt, lights.csv or .lp; "
@@ -49,8 +50,8 @@ def read(path: Path, choice: Choice) -> Capture:
         name=path.resolve().name,
         pictures=pictures,
         lights=lights,
-        intensities=read_intensities(intensities, len(pictures)) if intensities.exists() else None,
+        intensities=read_intensities(intensities, len(pictures)) if os.path.lexists(intensities) else None,
         mask=find_mask(path) if choice.mask is None else None,
-        truth=read_normals(truth) if truth.exists() else None,
+        truth=(lambda frame: read_normals(truth, frame)) if os.path.lexists(truth) else None,
         choice=choice,
     )

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.decode import RAW, decode, decode_all, full_scale
+from photonormal.files.decode import RAW, decode, decode_all, frame_of, full_scale
 from photonormal.types import Image, InputError
 
 Picture = Path | tuple[Path, ...]  # a file, or several whose sum is the picture
 
 KEEP_BYTES = 2**31  # decoded pictures are kept up to this size, and decoded again beyond it
+ROWS = 8  # every so many rows of a picture tell whether another may be equal
 MARGIN = 8  # pixels kept around the mask's bounding box
 
 
@@ -26,12 +28,17 @@ def srgb_to_linear(x: np.ndarray) -> np.ndarray:
     return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
 
 
-def read_mask(path: Path) -> np.ndarray:
-    """True where the picture, laid on black where it is transparent, is brighter than half of its maximum: (h, w)."""
-    samples = decode_all(path).astype(np.float32)
-    alpha = samples.shape[2] in (2, 4)
-    level = samples[..., :-1].max(-1) * samples[..., -1] if alpha else samples.max(-1)
-    return level > 0.5 * level.max()
+def read_mask(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
+    """True where the picture, laid on black where it is transparent, is brighter than half of its maximum: (h, w).
+
+    Its size must be `frame`, where that is given.
+    """
+    samples = decode_all(path, frame)
+    if samples.shape[2] in (2, 4):
+        level = samples[..., :-1].max(-1).astype(np.float32) * samples[..., -1].astype(np.float32)
+    else:
+        level = samples.max(-1)
+    return level > 0.5 * float(level.max())
 
 
 class ImageFiles:
@@ -47,12 +54,21 @@ class ImageFiles:
     mask : (h, w) bool, or None: the whole frame is on the object
     intensities : (n, 1) or (n, 3) by which radiance is divided
     srgb : True where the files are sRGB-encoded and have to be linearised; RAW files and floats never are
+    distinct : True where each picture has a light of its own: equal ones are refused
     """
 
     def __init__(
-        self, pictures: Sequence[Picture], mask: np.ndarray | None, intensities: np.ndarray, srgb: bool = False
+        self,
+        pictures: Sequence[Picture],
+        mask: np.ndarray | None,
+        intensities: np.ndarray,
+        srgb: bool = False,
+        distinct: bool = False,
     ):
-        first = _decode(pictures[0])
+        self.frame = frame_of(parts(pictures[0])[0])
+        for other in pictures[1:2]:  # of two that differ in size neither is decoded
+            frame_of(parts(other)[0], self.frame)
+        first = _decode(pictures[0], self.frame)
         n, (h, w, c) = len(pictures), first.shape
         self.pictures = pictures
         self.shape = (n, h, w, c)
@@ -67,6 +83,9 @@ class ImageFiles:
         self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else bounding_box(mask, MARGIN)
         self.keeps = first[self.box].nbytes * n <= KEEP_BYTES
         self._kept: list[np.ndarray | None] = [None] * n
+        self._seen: dict[int, int] = {}  # digest of some rows -> the picture that has them
+        self.distinct = distinct
+        self._refuse_equal(0, first[self.box])
         if self.keeps:
             self._kept[0] = np.ascontiguousarray(first[self.box])
 
@@ -80,7 +99,7 @@ class ImageFiles:
         kept = self._kept[j]
         if kept is not None:
             return kept
-        samples = _decode(self.pictures[j])
+        samples = _decode(self.pictures[j], self.frame)
         if samples.shape != self.shape[1:] or samples.dtype != self.dtype:
             raise InputError(
                 f"picture {parts(self.pictures[j])[0]} is {samples.shape} {samples.dtype} but "
@@ -88,9 +107,26 @@ class ImageFiles:
                 "one size, one number of channels and one bit depth."
             )
         crop = samples[self.box]
+        self._refuse_equal(j, crop)
         if self.keeps:
             crop = self._kept[j] = np.ascontiguousarray(crop)
         return crop
+
+    def _refuse_equal(self, j: int, crop: np.ndarray) -> None:
+        """Raise where another picture has the very samples of picture `j`: it was taken once, whatever its names.
+
+        Black ones may agree: their lights did not reach the object.
+        """
+        other = self._seen.setdefault(zlib.crc32(crop[::ROWS].tobytes()), j)
+        if not self.distinct or other == j or not crop.any():
+            return
+        if not np.array_equal(crop, _decode(self.pictures[other], self.frame)[self.box]):
+            return
+        alike = [parts(p)[0].name for p in self.pictures if np.array_equal(crop, _decode(p, self.frame)[self.box])]
+        raise InputError(
+            f"{len(alike)} photographs ({', '.join(alike)}) are equal in every sample but each needs a light of its "
+            "own; leave all but one of them out, or copy them from the camera again."
+        )
 
     def __getitem__(self, j: int) -> Image:
         samples, scale = self._samples(j), self.scale
@@ -107,9 +143,9 @@ class ImageFiles:
         return self.shape[0]
 
 
-def _decode(picture: Picture) -> np.ndarray:
+def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarray:
     """Samples of a file; of several, their sum as a fraction of full scale, float32."""
-    files = [decode(path) for path in parts(picture)]
+    files = [decode(path, frame) for path in parts(picture)]
     if len(files) == 1:
         return files[0]
     if len({f.shape for f in files}) != 1:

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.texts import number, read_directions, read_lines, read_named
+from photonormal.capture.texts import number, read_directions, read_lines, read_named, spellings
 from photonormal.types import Camera, InputError, Lamps
 
 
@@ -69,7 +69,7 @@ def in_order_of(pictures: Sequence[str], names: list[str], lights: np.ndarray, p
     They stay in the file's own order where it names none of them: they were made with other pictures under the same
     lights, such as those of a mirror sphere.
     """
-    row = {last_part(name): k for k, name in enumerate(names)}
+    row = {last_part(spelt): k for k, name in enumerate(names) for spelt in spellings(name)}
     absent = [p for p in pictures if p not in row]
     if len(absent) == len(pictures):
         return lights

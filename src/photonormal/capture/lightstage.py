@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble, natural
-from photonormal.capture.decode import SUFFIXES, decode, full_scale
 from photonormal.capture.texts import positive, read_lines, read_named
+from photonormal.files.decode import SUFFIXES, decode, full_scale
 from photonormal.types import Capture, InputError
 
 FRONT = 0.1  # least z of a light that is used

@@ -14,13 +14,14 @@ f, x0, y0 are in pixels, mean_distance in mm from the camera.
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
-from photonormal.capture.decode import decode, full_scale
 from photonormal.capture.texts import number, positive, read_lines
+from photonormal.files.decode import decode, full_scale
 from photonormal.geometry import in_frame
 from photonormal.types import Camera, Capture, InputError, Lamps
 
@@ -43,15 +44,15 @@ def read(path: Path, choice: Choice) -> Capture:
         lamps=lamps,
         camera=camera,
         intensities=intensities / intensities.mean(),
-        mask=path / "mask.png" if (path / "mask.png").exists() else None,
-        truth=read_normals(normals) if normals.exists() else None,
+        mask=path / "mask.png" if os.path.lexists(path / "mask.png") else None,
+        truth=(lambda frame: read_normals(normals, frame)) if os.path.lexists(normals) else None,
         choice=choice,
     )
 
 
-def read_normals(path: Path) -> np.ndarray:
-    """The normals (h, w, 3) that a picture codes."""
-    map = decode(path)
+def read_normals(path: Path, frame: tuple[int, int]) -> np.ndarray:
+    """The normals (h, w, 3) that a picture of the size `frame` codes."""
+    map = decode(path, frame)
     return 2 * (map / full_scale(map)) - 1
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from photonormal.capture.assemble import Choice, assemble, find_mask
 from photonormal.capture.lights import last_part, read_lp
+from photonormal.capture.texts import beside
 from photonormal.types import Capture, InputError
 
 
@@ -36,10 +37,10 @@ def read(path: Path, choice: Choice) -> Capture:
 
 
 def _lp_files(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".lp" and p.is_file())
+    return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".lp" and not p.is_dir())
 
 
 def _find(lp: Path, name: str) -> Path:
     """The picture that a line names: as written, with the other system's slashes, or by its last part."""
-    candidates = [lp.parent / n for n in (name, name.replace("\\", "/"), last_part(name))]
+    candidates = [beside(lp.parent, n) for n in (name, name.replace("\\", "/"), last_part(name))]
     return next((c for c in candidates if os.path.isfile(c)), candidates[-1])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import codecs
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from photonormal.files.opening import TEXT, read_bytes
 from photonormal.types import InputError
 
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
@@ -16,18 +18,24 @@ _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 def read_lines(path: Path) -> list[str]:
     """Stripped lines that are not empty."""
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing but it is needed; restore it or name another.") from None
-    except OSError as error:
-        raise InputError(f"{path} can't be read ({error.strerror}) but a text file is needed; check it.") from None
+    data = read_bytes(path, "a text file", TEXT)
     wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    try:
-        text = data.decode("utf-16" if wide else "utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
+    # names in it that aren't UTF-8 stay the bytes that they are on disk
+    text = data.decode("utf-16", "replace") if wide else data.decode("utf-8-sig", "surrogateescape")
     return [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
+
+
+def spellings(name: str) -> list[str]:
+    """A name from a list by the bytes that it has there and, where they aren't UTF-8, as Latin-1 text too."""
+    if name.isascii() or not re.search("[\udc80-\udcff]", name):
+        return [name]
+    return [name, os.fsencode(name).decode("latin-1")]
+
+
+def beside(folder: Path, name: str) -> Path:
+    """The file that a list in `folder` names, whichever of the name's spellings it has."""
+    found = [folder / n for n in spellings(name)]
+    return next((p for p in found if os.path.lexists(p)), found[-1])
 
 
 def number(token: str) -> float:

@@ -40,13 +40,18 @@ class Orders:
     def outside(self, order: Int[np.ndarray, " n"]) -> float:
         """Root of the part of all samples that no surface explains."""
         P = self.L @ np.linalg.pinv(self.L)
-        return float(np.sqrt(max(0.0, 1 - (P * self.G[np.ix_(order, order)]).sum() / np.trace(self.G))))
+        return self._rest((P * self.G[np.ix_(order, order)]).sum())
 
     def scale(self) -> tuple[float, float]:
         """What three dimensions leave outside at least, and what a random order does."""
         rng, n = np.random.default_rng(0), len(self.L)
-        floor = float(np.sqrt(max(0.0, 1 - np.linalg.eigvalsh(self.G)[-3:].sum() / np.trace(self.G))))
+        floor = self._rest(np.linalg.eigvalsh(self.G)[-3:].sum())
         return floor, float(np.mean([self.outside(rng.permutation(n)) for _ in range(CHANCE)]))
+
+    def _rest(self, explained: float) -> float:
+        """Root of the part of all samples that is not `explained`; none where there are no samples."""
+        whole = float(np.trace(self.G))
+        return float(np.sqrt(max(0.0, 1 - explained / whole))) if whole > 0 else 0.0
 
     def misfit(self, order: Int[np.ndarray, " n"]) -> float:
         """0 as low as three dimensions allow, 1 as bad as chance."""

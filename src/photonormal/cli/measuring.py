@@ -52,6 +52,8 @@ class Photographs:
     """Lamps are this far from the object's middle, in the directions that their file holds; with --mm-per-px."""
     focal_px: Positive | None = None
     """Focal length in pixels, for a camera near the object; with --mm-per-px."""
+    memory: str = ""
+    """How much memory may be used, such as 3GB; half of what is free by default."""
 
 
 Read = Annotated[Photographs, tyro.conf.arg(name="")]

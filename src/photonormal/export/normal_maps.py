@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import io
+import os
 import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from photonormal.stored import read_arrays
+from photonormal.files.decode import decode, full_scale
+from photonormal.files.opening import read_npz
 from photonormal.types import InputError, Normals
 
 
@@ -55,24 +57,21 @@ WRITERS = {".png": png, ".exr": exr, ".npz": npz}
 def read(path: Path) -> Normals:
     """Normals from a file of WRITERS' kinds, or from the `normals.npz` of a result folder."""
     if path.is_dir():
-        if not (path / "normals.npz").is_file():
+        if not os.path.lexists(path / "normals.npz"):
             raise InputError(f"{path} holds no normals.npz; give a folder that `photonormal measure` wrote.")
         path = path / "normals.npz"
-    if not path.is_file():
+    if not os.path.lexists(path):
         raise InputError(f"{path} does not exist; give normals as .npz, .png or .exr.")
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise InputError(f"{path} ends in {suffix!r} but normals are read from {', '.join(WRITERS)}.")
-    try:
-        if suffix == ".npz":
-            data = read_arrays(path, "save them again")
-            return Normals(data["normals"], data["mask"], data.get("expected_error_deg"))
-        map = _read_exr(path) if suffix == ".exr" else _read_png(path)
-    except InputError:
-        raise
-    except Exception as error:
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise InputError(f"{path} can't be read as normals ({reason}); save them again.") from None
+    if suffix == ".npz":
+        return _read_npz(path)
+    map = decode(path)
+    if map.shape[2] != 3:
+        raise InputError(f"{path} is no colour picture; a normal map stores (n + 1) / 2 as red, green, blue.")
+    if suffix == ".png":
+        map = map / (full_scale(map) / 2) - 1
     length = np.linalg.norm(map, axis=-1)
     known = np.abs(length - 1) < 0.1  # black and mid-grey backgrounds are far from unit length
     if not known.any():
@@ -82,21 +81,8 @@ def read(path: Path) -> Normals:
     return Normals(unit, known)
 
 
-def _read_png(path: Path) -> np.ndarray:
-    import cv2
-
-    value = cv2.imdecode(np.frombuffer(path.read_bytes(), np.uint8), cv2.IMREAD_UNCHANGED)
-    if value is None or value.ndim != 3 or value.dtype not in (np.uint8, np.uint16):
-        raise InputError(f"{path} is no 8 or 16-bit colour PNG; a normal map stores (n + 1) / 2 as red, green, blue.")
-    return value[..., 2::-1] / (np.iinfo(value.dtype).max / 2) - 1
-
-
-def _read_exr(path: Path) -> np.ndarray:
-    import OpenEXR
-
-    with OpenEXR.File(str(path)) as image:
-        channels = image.channels()
-        name = next((n for n in ("RGB", "RGBA") if n in channels), None)
-        if name is None:
-            raise InputError(f"{path} has channels {', '.join(channels)} but R, G and B are needed.")
-        return np.array(channels[name].pixels[..., :3], np.float32)
+def _read_npz(path: Path) -> Normals:
+    arrays = read_npz(path, "save them again", ("normals", "mask", "expected_error_deg"))
+    if not {"normals", "mask"} <= arrays.keys():
+        raise InputError(f"{path} holds {', '.join(arrays) or 'nothing'} but normals and mask are needed; save both.")
+    return Normals(arrays["normals"], arrays["mask"], arrays.get("expected_error_deg"))

@@ -16,8 +16,9 @@ import numpy as np
 
 from photonormal.capture import blobby
 from photonormal.capture.assemble import Choice
-from photonormal.capture.decode import PNG_START, decode
 from photonormal.capture.texts import read_lines
+from photonormal.files.decode import decode
+from photonormal.files.plain import PNG_START
 from photonormal.train.sets import SampleSet, Shape
 from photonormal.types import Capture, InputError
 

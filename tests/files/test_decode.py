@@ -9,7 +9,8 @@ import zlib
 import numpy as np
 import pytest
 
-from photonormal.capture.decode import PNG_START, decode, decode_all
+from photonormal.files.decode import decode, decode_all
+from photonormal.files.plain import PNG_START
 from tests.capture.files import refusal, samples, write_picture
 
 U8, U16, F16, F32 = np.uint8, np.uint16, np.float16, np.float32
@@ -145,6 +146,7 @@ class TestRaw:
 
     def test_rawpy_is_named_where_it_is_absent(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "rawpy", None)
+        (tmp_path / "a.CR2").write_bytes(b"II*\0")
         assert "pip install 'photonormal[raw]'" in refusal(decode, tmp_path / "a.CR2")
 
 

@@ -1,0 +1,165 @@
+"""One picture file -> its samples, keeping every bit: PNG, JPEG and BMP, TIFF, EXR, NPY and camera RAW.
+
+A kind of file is one module with `header(file) -> Header` and `read(file, path) -> samples`, and one line in KINDS.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from photonormal.files import memory
+from photonormal.files.chatter import heard
+from photonormal.files.header import Header, damaged
+from photonormal.files.opening import open_file, reason_of, size_of
+from photonormal.types import InputError
+
+RAW = {".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef"}
+KINDS = {  # suffix -> module, imported when it is needed
+    **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp"), "photonormal.files.plain"),
+    **dict.fromkeys((".tif", ".tiff"), "photonormal.files.tiff"),
+    ".exr": "photonormal.files.exr",
+    ".npy": "photonormal.files.npy",
+    **dict.fromkeys(sorted(RAW), "photonormal.files.raw"),
+}
+SUFFIXES = set(KINDS)
+
+DENSEST = 2000  # samples' bytes for each byte of a file, at most; compression of photographs reaches half of that
+SMALL = 2**26  # bytes of samples that no density makes suspect
+FAULT = re.compile(r"error|corrupt|premature|truncat|exception|unexpected|invalid|_ERR_", re.IGNORECASE)
+HARMLESS = re.compile(r"libpng warning|extraneous bytes before marker 0xd9|: Warning, ")  # and the picture is whole
+
+
+def decode(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
+    """The samples of a picture as the file stores them: (h, w, 1 or 3), RGB; uint8, uint16 or float32.
+
+    Alpha is left out. A camera's note of how it was held (Exif orientation) is ignored: lights are given in the
+    sensor's frame, and such notes change between pictures when a camera looks down.
+
+    Parameters
+    ----------
+    frame : (h, w) that the picture must have, by its header: nothing is decoded otherwise. None: any
+
+    Raises
+    ------
+    InputError
+        If the file is missing, truncated, not a picture, of another size, larger than the memory allows, or holds
+        another kind of number; where its decoder calls it corrupt.
+    """
+    samples = decode_all(path, frame)
+    return samples[..., : 1 if samples.shape[2] <= 2 else 3]
+
+
+def decode_all(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
+    """As `decode`, with alpha where the file has it: (h, w, 1 to 4)."""
+    kind = _kind(path)
+    with _refusals(path), open_file(path) as file:
+        header = _header(kind, file, path)
+        _same_frame(header, frame, path)
+        result, printed = heard(lambda: kind.read(_at_its_start(file), path))
+        word = _word(printed)
+        if word:
+            raise damaged(path, word)
+        if isinstance(result, Exception):
+            raise result
+        return _checked(result, path)
+
+
+def frame_of(path: Path, frame: tuple[int, int] | None = None) -> tuple[int, int]:
+    """Height and width of a picture by its header, which must be `frame` where given; InputError as for `decode`."""
+    kind = _kind(path)
+    with _refusals(path), open_file(path) as file:
+        header = _header(kind, file, path)
+    _same_frame(header, frame, path)
+    return header.height, header.width
+
+
+def _same_frame(header: Header, frame: tuple[int, int] | None, path: Path) -> None:
+    if frame is not None and (header.height, header.width) != tuple(frame):
+        raise InputError(
+            f"picture {path} is {header.height, header.width} but {tuple(frame)} is needed, as the other pictures of "
+            "the capture are; export it with the same frame."
+        )
+
+
+def full_scale(samples: np.ndarray) -> float:
+    """The value that stands for 1: 255, 65535, or 1 where samples are floats."""
+    return float(np.iinfo(samples.dtype).max) if samples.dtype.kind == "u" else 1.0
+
+
+def _kind(path: Path) -> Any:
+    module = KINDS.get(path.suffix.lower())
+    if module is None:
+        raise InputError(
+            f"{path} is a {path.suffix or 'nameless'} file but a picture is needed; "
+            "use PNG, TIFF, JPEG, BMP, EXR, NPY or RAW."
+        )
+    return import_module(module)
+
+
+def _header(kind: Any, file: BinaryIO, path: Path) -> Header:
+    """What a file claims to hold, which the memory allows and the file can hold."""
+    size = size_of(file)
+    memory.check(size, f"picture {path}")
+    header = kind.header(file, path)
+    memory.check(header.nbytes, f"picture {path}, {header.height} x {header.width} pixels,")
+    if header.nbytes > max(DENSEST * size, SMALL):
+        raise damaged(path, f"claims {header.nbytes} bytes of samples in {size}")
+    return header
+
+
+def _at_its_start(file: BinaryIO) -> BinaryIO:
+    file.seek(0)
+    return file
+
+
+def _word(printed: str) -> str:
+    """What a decoder said is wrong; empty where nothing is, or it does not matter."""
+    lines = [line.strip() for line in printed.splitlines() if FAULT.search(line) and not HARMLESS.search(line)]
+    return f"is damaged ({lines[0][:200]})" if lines else ""
+
+
+class _refusals:
+    """Whatever reading the picture `path` raises becomes an InputError."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+        path = self.path
+        if error is None or isinstance(error, InputError) or not isinstance(error, Exception):
+            return
+        if isinstance(error, FileNotFoundError):
+            raise InputError(f"picture {path} is missing; restore it or leave it out.") from None
+        if isinstance(error, OSError):
+            raise InputError(f"picture {path} can't be read ({error.strerror or error}); check the file.") from None
+        # decoders raise anything on a damaged file
+        raise InputError(f"picture {path} can't be decoded ({reason_of(error)}); copy or export it again.") from None
+
+
+def _checked(picture: np.ndarray, path: Path) -> np.ndarray:
+    if picture.ndim == 2:
+        picture = picture[..., None]
+    if picture.ndim != 3 or picture.shape[2] not in (1, 2, 3, 4) or 0 in picture.shape:
+        raise InputError(
+            f"picture {path} is {picture.shape} but (height, width, 1 or 3 channels) is needed; convert it."
+        )
+    kind = picture.dtype.newbyteorder("=")
+    if kind in (np.uint8, np.uint16):
+        return picture.astype(kind, copy=False)
+    if kind.kind == "b":
+        return picture.astype(np.uint8) * np.uint8(255)
+    if kind.kind == "f":
+        with np.errstate(over="ignore"):
+            picture = picture.astype(np.float32, copy=False)
+        if not np.isfinite(picture).all():
+            raise InputError(f"picture {path} holds NaN, infinite or huge samples; export it again without them.")
+        return picture
+    raise InputError(f"picture {path} holds {kind} but 8 or 16-bit integers or floats are needed; convert it.")

@@ -1,0 +1,53 @@
+"""OpenEXR, by its own library."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from photonormal.files.chatter import heard
+from photonormal.files.header import Header, damaged
+from photonormal.files.opening import size_of
+from photonormal.types import InputError
+
+COLOURS = ("RGB", "RGBA", "Y")
+
+
+def header(file: BinaryIO, path: Path) -> Header:
+    """Size of the first part, and the bytes of all channels of all parts, which the library reads at once."""
+    parts, _ = heard(lambda: _parts(file))
+    if isinstance(parts, Exception):
+        raise parts
+    if not parts:
+        raise damaged(path, "is truncated or damaged")
+    sizes = [(int(y1) - int(y0) + 1, int(x1) - int(x0) + 1) for ((x0, y0), (x1, y1)), _ in parts]
+    h, w = sizes[0]
+    if min(min(size) for size in sizes) < 1:
+        raise damaged(path, f"claims {w} x {h} pixels")
+    return Header(h, w, sum(h * w * 4 * channels for (h, w), (_, channels) in zip(sizes, parts, strict=True)))
+
+
+def _parts(file: BinaryIO) -> list[tuple[Any, int]]:
+    """Data window and number of channels of each part."""
+    import OpenEXR
+
+    file.seek(0)
+    with OpenEXR.File(BytesIO(file.read(size_of(file))), header_only=True) as exr:
+        return [(part.header["dataWindow"], max(1, len(part.header["channels"]))) for part in exr.parts]
+
+
+def read(file: BinaryIO, path: Path) -> np.ndarray:
+    """Samples (h, w) or (h, w, 3 or 4)."""
+    import OpenEXR
+
+    with OpenEXR.File(BytesIO(file.read(size_of(file)))) as exr:
+        if not exr.parts:
+            raise damaged(path, "is truncated or damaged")
+        channels = exr.channels()
+        for name in COLOURS:
+            if name in channels and channels[name].pixels is not None:
+                return np.asarray(channels[name].pixels)
+    raise InputError(f"picture {path} has channels {', '.join(channels)} but R, G, B or Y is needed; export it again.")

@@ -1,0 +1,64 @@
+"""How much memory the process may use: what `--memory` says, or half of what is free when it is first asked."""
+
+from __future__ import annotations
+
+import re
+from functools import cache
+from pathlib import Path
+
+from photonormal.types import InputError
+
+SHARE = 8  # one file may take this part of it, decoded: samples become floats, and several are worked on at a time
+LEAST = 2 * 2**30  # bytes that are allowed on any machine
+UNITS = {"KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+CGROUP = Path("/sys/fs/cgroup")  # where a container's own limit stands on Linux
+
+_given: int | None = None
+
+
+def allow(text: str) -> None:
+    """Take the bound from a text such as 3GB, for the whole process; an empty text changes nothing."""
+    global _given
+    if not text:
+        return
+    match = re.fullmatch(r"\s*([0-9]{1,6}(?:\.[0-9]{1,6})?)\s*([KMGT]B)\s*", text.upper())
+    if match is None or float(match[1]) == 0:
+        raise InputError(f"--memory {text[:40]!r} came but an amount like 3GB is needed; correct it.")
+    _given = int(float(match[1]) * UNITS[match[2]])
+
+
+def allowed() -> int:
+    """Bytes that the process may use."""
+    return _half_of_what_is_free() if _given is None else _given
+
+
+def check(nbytes: int, what: str) -> None:
+    """Raise InputError where `what` would take more than its share of the memory once it is decoded."""
+    if nbytes * SHARE > allowed():
+        raise InputError(
+            f"{what} would take {text_of(nbytes)} but one file may take {text_of(allowed() // SHARE)}, an eighth of "
+            f"the memory allowed; give a smaller one, or allow more, such as --memory {text_of(nbytes * SHARE, '')}."
+        )
+
+
+def text_of(nbytes: int, space: str = " ") -> str:
+    """An amount as people write it.
+
+    >>> text_of(1_500_000_000)
+    '1.5 GB'
+    """
+    unit = next((u for u in reversed(UNITS) if nbytes >= UNITS[u]), "KB")
+    return f"{-(-10 * nbytes // UNITS[unit]) / 10:g}{space}{unit}"
+
+
+@cache
+def _half_of_what_is_free() -> int:
+    import psutil
+
+    free = psutil.virtual_memory().available
+    try:
+        limit, used = ((CGROUP / name).read_text().strip() for name in ("memory.max", "memory.current"))
+        free = min(free, int(limit) - int(used)) if limit != "max" else free
+    except (OSError, ValueError):  # no container, or another system
+        pass
+    return max(LEAST, free // 2)

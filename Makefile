@@ -2,11 +2,12 @@ VENV ?= .venv
 PYTHON ?= python3
 READY := $(VENV)/.ready
 
-.PHONY: help demo test check clean
+.PHONY: help demo test fuzz check clean
 
 help:
 	@echo "make demo   install, then measure the capture that comes with the package"
 	@echo "make test   install, then run the tests"
+	@echo "make fuzz   install, then change 2,000 stored files at random and read them: half an hour"
 	@echo "make check  what a change must pass: format, lint, types, tests"
 
 $(READY): pyproject.toml constraints.txt
@@ -22,6 +23,9 @@ demo: $(READY)
 
 test: $(READY)
 	$(VENV)/bin/python -m pytest -q
+
+fuzz: $(READY)
+	$(VENV)/bin/python -m tests.fuzz.stored_files --count 2000
 
 check: $(READY)
 	VENV=$(VENV) scripts/check

@@ -1,7 +1,10 @@
 """Weights files: what is saved comes back, and nothing else passes for it."""
 
+import re
+
 import pytest
 import torch
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
@@ -105,3 +108,26 @@ def test_every_network_builds(name):
 def test_shipped_weights_are_complete():
     for card in shipped("x").parent.glob("*.md"):
         load(card.with_suffix(".safetensors"))
+
+
+@pytest.mark.parametrize(
+    ("config", "says"),
+    [
+        ("{", "can't be read"),
+        ("[" * 100_000, "can't be read"),
+        ('{"width": 100000}', "<= 4096"),
+        ('{"width": "8"}', "Expected `int`, got `str`"),
+        ('{"width": -8}', ">= 0"),
+        ('{"width": 4096}', "do not fit their network"),
+        ('{"width": 0}', "tiny.safetensors can't be used"),
+        ('{"prior": 1}', "Expected `str`"),
+    ],
+)
+def test_a_network_that_is_only_claimed_is_never_made(file, config, says):
+    path, _ = file
+    with safe_open(path, framework="pt") as opened:
+        metadata = opened.metadata() | {"config": config}
+    save_file(load_file(path), path, metadata=metadata)
+    with pytest.raises(InputError, match=re.escape(says)) as told:
+        load(path)
+    assert len(str(told.value).splitlines()) == 1

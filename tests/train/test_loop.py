@@ -105,6 +105,29 @@ def test_a_moment_is_time_for_one_step(tmp_path):
     assert checkpoint.load(tmp_path, TINY.as_dict())["step"] == 1
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda state: state.pop("step"),
+        lambda state: state.update(step=-1),
+        lambda state: state.update(recipe=[]),
+        lambda state: state.update(network={}),
+        lambda state: state.update(mean={k: v[:1] for k, v in state["mean"].items()}),
+        lambda state: state.update(optimiser={"0": 1}),
+        lambda state: state["optimiser"]["0"]["state"][0].update(exp_avg=torch.ones(7)),
+    ],
+)
+def test_a_checkpoint_of_another_shape_is_refused_in_one_line(tmp_path, change):
+    run(tmp_path, steps=2)
+    state = torch.load(tmp_path / checkpoint.NAME, weights_only=True)
+    change(state)
+    torch.save(state, tmp_path / checkpoint.NAME)
+    before = (tmp_path / checkpoint.NAME).read_bytes()
+    with pytest.raises(InputError, match=r"^checkpoint (in )?\S+ .*; start again\.$"):
+        run(tmp_path, resume=True, steps=4)
+    assert (tmp_path / checkpoint.NAME).read_bytes() == before
+
+
 def test_a_flat_training_made_longer_is_what_a_longer_one_would_have_been(tmp_path):
     flat, longer, parts = replace(TINY, schedule="flat"), tmp_path / "longer", tmp_path / "parts"
     run(longer, flat, steps=24)

@@ -86,6 +86,7 @@ def all_scored(runs: Path, labels: Iterable[str] = (), datasets: Iterable[str] =
 def _stamp(path: Path) -> list[int]:
     try:
         status = path.stat()
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing but errors are found with it; run the benchmark again.") from None
+    except OSError as error:
+        why = "is missing" if isinstance(error, FileNotFoundError) else f"can't be read ({error.strerror})"
+        raise InputError(f"{path} {why} but errors are found with it; run the benchmark again.") from None
     return [status.st_mtime_ns, status.st_size]

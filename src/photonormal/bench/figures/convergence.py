@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated, TypedDict
+
+from msgspec import Meta
 
 from photonormal.bench.figures import Wish
 from photonormal.bench.figures.style import COLOURS, LINES, MARKERS, Figure
-from photonormal.stored import LONGEST, Word, decoded, read_bytes
+from photonormal.options import Whole
+from photonormal.stored import LONGEST, Word, converted, decoded, read_bytes
 from photonormal.types import InputError
 
 JOURNAL = "journal.jsonl"  # what photonormal.train writes
 ADVICE = "give a folder of training"
+Degrees = Annotated[float, Meta(ge=0, le=180)]
+
+
+class Entry(TypedDict):
+    """What every line of a journal has, besides figures by name."""
+
+    step: Whole
+    kind: Word
+
+
 PANELS = {  # kind of entry -> its figure and the panel's title; those that a journal has are drawn
     "train": ("loss_angle_deg", "training crops"),
     "clean": ("mean_deg", "validation, held-out materials"),
@@ -61,9 +75,10 @@ def read_journal(folder: Path) -> dict[str, list[tuple[int, float]]]:
     found: dict[str, dict[int, float]] = {}
     for i, line in enumerate(read_bytes(path, ADVICE, LONGEST).splitlines()):
         if line.strip():
-            entry = decoded(line, dict[str, float | Word | None], f"{path}, line {i + 1}", ADVICE)
-            step, kind = entry.get("step"), str(entry.get("kind"))
-            value = entry.get(PANELS.get(kind, ("", ""))[0])
-            if isinstance(step, float) and isinstance(value, float):  # null where it was no number
-                found.setdefault(kind, {})[int(step)] = value
+            what = f"{path}, line {i + 1}"
+            entry = decoded(line, Entry, what, ADVICE)
+            name = PANELS.get(entry["kind"], ("", ""))[0]
+            value = decoded(line, dict[str, float | Word | None], what, ADVICE).get(name)
+            if value is not None:  # null where it was no number
+                found.setdefault(entry["kind"], {})[entry["step"]] = converted(value, Degrees, what, ADVICE)
     return {kind: sorted(entries.items()) for kind, entries in found.items()}

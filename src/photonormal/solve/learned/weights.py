@@ -90,8 +90,8 @@ def load(path: Path, network: str | None = None, device: torch.device | str = "c
         with torch.device("meta"):  # nothing is allocated for what a file only claims
             net = build(metadata["network"], config)
         net.load_state_dict({k: v.float() for k, v in tensors.items()}, strict=True, assign=True)
-    except InputError:
-        raise
+    except InputError as error:
+        raise InputError(f"weights {path} can't be used: {error}") from None
     except Exception as error:  # a network of senseless sizes fails in many ways
         reason = (str(error).strip() or type(error).__name__).splitlines()[-1].strip()
         raise InputError(f"weights {path} do not fit their network ({reason}); get the file again.") from None

@@ -27,7 +27,8 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "check": BASE | {"calibrate"},
     "rig": BASE | {"capture", "calibrate", "check", "export", "progress"},
     "measure": BASE | {"capture", "solve", "integrate", "score", "export", "progress", "check"},
-    "bench": BASE | {"capture", "solve", "integrate", "score", "export", "progress"},
+    "view": BASE | {"capture", "calibrate", "score", "export", "progress", "rig"},
+    "bench": BASE | {"capture", "solve", "integrate", "score", "export", "progress", "view"},
 }
 
 

@@ -109,6 +109,8 @@ def measure(
         report = {
             "photonormal": photonormal.__version__,
             "capture": photographs.name,
+            "source": str(Path(capture).resolve()) if Path(capture).exists() else str(capture),
+            "reading": {key: str(v.resolve()) if isinstance(v, Path) else v for key, v in how.items() if v},
             "method": method,
             "options": _plain(asdict(solver)),
             "integration": integration if mesh else None,

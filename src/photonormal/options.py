@@ -19,6 +19,7 @@ Effort = Annotated[int, Meta(ge=1, le=100_000, description="a whole number from 
 Degree = Annotated[int, Meta(ge=1, le=8, description="a whole number from 1 to 8")]
 Whole = Annotated[int, Meta(ge=0, le=LARGEST, description="a whole number of at least 0")]
 Seed = Annotated[int, Meta(ge=0, lt=2**31, description="a whole number from 0 to 2147483647")]
+Port = Annotated[int, Meta(ge=0, lt=2**16, description="a whole number from 0 to 65535")]
 Positive = Annotated[float, Meta(gt=0, description="a finite number above 0")]
 NotNegative = Annotated[float, Meta(ge=0, description="a finite number of at least 0")]
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST, description="a finite number of pixels")]

@@ -15,11 +15,13 @@ from photonormal.cli.faults import fault, one_line
 from photonormal.cli.measuring import Convert, Integrate, Measure, Methods, Score
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
+from photonormal.cli.viewing import Export, View
 from photonormal.options import check
 from photonormal.types import InputError
 
 COMMANDS = (
     *(Measure, Score, Integrate, Convert, Methods),
+    *(View, Export),
     *(Calibrate, Check, Intensities, Mask),
     *(Bench, Table, Figure, Report, Render, Train),
 )

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
+from photonormal.files.opening import read_npz
 from photonormal.types import InputError, Normals, Surface
 
 FORMATS = (".npz", ".ply", ".obj", ".glb")
@@ -18,6 +20,20 @@ def depth_npz(surface: Surface) -> bytes:
     camera = {} if surface.K is None else {"K": surface.K}
     np.savez(buffer, allow_pickle=False, depth=surface.depth.astype(np.float32), mask=surface.mask, **camera)
     return buffer.getvalue()
+
+
+def read_depth(path: Path) -> Surface:
+    """The surface in a `.npz` that `save` wrote.
+
+    Raises
+    ------
+    InputError
+        If the file is cut short or holds something else.
+    """
+    data = read_npz(path, "integrate the normals again", ("depth", "mask", "K"))
+    if not {"depth", "mask"} <= data.keys():
+        raise InputError(f"{path} holds {', '.join(data) or 'nothing'} but depth and mask are needed; integrate again.")
+    return Surface(data["depth"], data["mask"], data.get("K"))
 
 
 def vertices(surface: Surface) -> Float[np.ndarray, "v 3"]:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from photonormal.export.mesh import display
-from photonormal.types import Normals
+from photonormal.files.decode import decode
+from photonormal.types import InputError, Normals
 
 PREVIEW_HEIGHT = 480  # pixels; larger frames are reduced to it
 
@@ -36,6 +39,20 @@ def preview(
     strip = np.concatenate([part for panel in panels for part in (panel, gap)][:-1], axis=1)
     scale = PREVIEW_HEIGHT / strip.shape[0]
     return strip if scale >= 1 else cv2.resize(strip, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+
+
+def read_albedo(path: Path) -> np.ndarray:
+    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32.
+
+    Raises
+    ------
+    InputError
+        If the file is cut short or no 16-bit colour PNG.
+    """
+    value = decode(path)
+    if value.shape[2] != 3 or value.dtype != np.uint16:
+        raise InputError(f"{path} is no 16-bit colour PNG; measure again.")
+    return value / np.float32(65535)
 
 
 def relit(normals: Normals, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:

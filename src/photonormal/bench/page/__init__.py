@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import json
-import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from photonormal.bench.page.html import tables_html
-from photonormal.bench.page.layers import COLOURS, LEVELS_PER_DEGREE, UNKNOWN, objects
+from photonormal.bench.page.layers import objects
 from photonormal.bench.scores import all_scored
 from photonormal.bench.tables import tables
 from photonormal.disk import refuse_taken, write
 from photonormal.progress import progress
 from photonormal.types import InputError
+from photonormal.view.page import document, ramp, read
+from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN
 
 HERE = Path(__file__).parent
-PRELUDE = """"use strict";
-window.addEventListener("error", (e) => { document.body.dataset.error = e.message; });
-window.addEventListener("unhandledrejection", (e) => { document.body.dataset.error = String(e.reason); });
-"""
 LIMIT = 12  # objects of a dataset with maps, unless they are named
 
 
@@ -65,36 +58,17 @@ def report(
             raise InputError(f"{runs} holds no object {name!r}; it has {', '.join(sorted(names)[:20])}.")
     with progress("report", len(names)) as advance:
         data = {
-            "colours": COLOURS(),
+            "colours": ramp(),
             "levels_per_degree": LEVELS_PER_DEGREE,
             "unknown": UNKNOWN,
             "objects": list(objects(runs, whole, shown, LIMIT, surfaces, advance)),
         }
-    write(out, filled(tables_html(found), data).encode())
+    shared = [read(f"{name}.js") for name in ("base", "gl", "shading", "surface")]
+    own = [_file(f"{name}.js") for name in ("relief", "compare", "sort")]
+    body = _file("page.html").replace("[[tables]]", tables_html(found))
+    write(out, document("photonormal benchmark", body, [_file("page.css")], shared + own, data).encode())
     return out
-
-
-def filled(tables: str, data: dict[str, Any]) -> str:
-    """The page: every mark of page.html is replaced once, so that what names contain is never taken for one."""
-    style, script = _file("page.css"), PRELUDE + "".join(_file(f"{n}.js") for n in ("surface", "compare", "sort"))
-    text = json.dumps(data, separators=(",", ":"))
-    for character in "<>&":  # nothing ends the block, or begins another
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    parts = {
-        "policy": f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
-        "base-uri 'none'; form-action 'none'",
-        "style": style,
-        "tables": tables,
-        "data": text,
-        "script": script,
-    }
-    return re.sub("|".join(f"\\[\\[{name}\\]\\]" for name in parts), lambda m: parts[m[0][2:-2]], _file("page.html"))
 
 
 def _file(name: str) -> str:
     return (HERE / name).read_text(encoding="utf-8")
-
-
-def _digest(text: str) -> str:
-    """How a Content-Security-Policy names what may run."""
-    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"

@@ -1,8 +1,5 @@
 // Two of an object's pictures, one over the other, with a border that moves.
-const data = JSON.parse(document.getElementById("data").textContent);
-const at = (id) => document.getElementById(id);
-const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-const ramp = bytes(data.colours); // 256 colours of error maps
+const ramp = bytesOfText(data.colours); // 256 colours of error maps
 
 const compare = {
   object: null,
@@ -42,7 +39,7 @@ const compare = {
     at("stage").parentElement.style.width = `${Math.round(scale * this.object.width)}px`;
     await this.draw();
     const s = this.object.surface;
-    await surface.show(s, s && this.picture(this.object.methods[s.method].normals));
+    await relief.show(s, s && this.picture(this.object.methods[s.method].normals));
   },
 
   async draw() {

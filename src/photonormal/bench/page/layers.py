@@ -14,20 +14,11 @@ from photonormal.bench.store import Truth, read_truth, truth_path
 from photonormal.integrate import integrate
 from photonormal.score import error_map_deg
 from photonormal.types import Normals
+from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN, evenly
 
-LEVELS_PER_DEGREE = 4  # of an 8-bit error map
-UNKNOWN = 255  # its level where there is no error
 SIDE = 512  # pixels; larger pictures are reduced to it
 SURFACE_SIDE = 256
 MARGIN = 3
-
-
-def COLOURS() -> str:
-    """The 256 colours of cividis, RGB bytes in base64."""
-    import cv2
-
-    ramp = cv2.applyColorMap(np.arange(256, dtype=np.uint8)[:, None], cv2.COLORMAP_CIVIDIS)[:, 0, ::-1]
-    return base64.b64encode(ramp.tobytes()).decode()
 
 
 def objects(
@@ -43,11 +34,6 @@ def objects(
             truth = read_truth(truth_path(runs, dataset, name))
             yield _object(dataset, name, truth, by_object[name], surfaces)
             advance()
-
-
-def evenly(names: list[str], limit: int) -> list[str]:
-    """At most `limit` of the names, evenly spaced, the first and the last among them."""
-    return [names[i] for i in np.unique(np.linspace(0, len(names) - 1, min(limit, len(names))).round().astype(int))]
 
 
 def _object(dataset: str, name: str, truth: Truth, found: list[Scored], surfaces: bool) -> dict[str, Any]:

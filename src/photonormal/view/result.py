@@ -1,0 +1,218 @@
+"""A result folder as the page shows it: its layers, its lights, and the photographs where they are at hand."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
+from typing import Any, NotRequired, TypedDict
+
+import numpy as np
+
+from photonormal.capture import DEMO, load
+from photonormal.capture.images import MARGIN, bounding_box
+from photonormal.export import load_normals
+from photonormal.export.folder import REPORT
+from photonormal.export.mesh import display, read_depth
+from photonormal.export.pictures import read_albedo
+from photonormal.options import NotNegative, Positive, Whole, check_value
+from photonormal.score import error_map_deg
+from photonormal.stored import read_json
+from photonormal.types import Capture, InputError, Surface
+from photonormal.view.planes import (
+    LEVELS_PER_DEGREE,
+    UNIT,
+    UNKNOWN,
+    Plane,
+    degrees_plane,
+    height_plane,
+    normals_plane,
+    plane,
+)
+
+AGAIN = "measure again"
+KEPT = 4  # photographs that stay decoded
+
+
+class Report(TypedDict):
+    """What is read of a result's report; the rest of it may be anything."""
+
+    capture: NotRequired[str]
+    method: NotRequired[str]
+    lights: NotRequired[Whole]
+    source: NotRequired[str]
+    reading: NotRequired[dict[str, Any]]
+    expected_error_deg: NotRequired[NotNegative]
+
+
+@dataclass
+class Photographs:
+    """The capture's pictures as planes of colours, decoded when they are asked for."""
+
+    capture: Capture
+    box: tuple[slice, slice]
+    white: float
+    _kept: OrderedDict[int, Plane] = field(default_factory=OrderedDict)
+    _lock: Lock = field(default_factory=Lock)
+
+    def __len__(self) -> int:
+        return self.capture.images.shape[0]
+
+    def __getitem__(self, j: int) -> Plane:
+        with self._lock:
+            if j not in self._kept:
+                image = self.capture.images[j][self.box] / self.white  # (h, w, 1 or 3)
+                self._kept[j] = plane("colour", display(np.broadcast_to(image, (*image.shape[:2], 3))))
+                if len(self._kept) > KEPT:
+                    self._kept.popitem(last=False)
+            self._kept.move_to_end(j)
+            return self._kept[j]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One result, cut to the object's box.
+
+    Parameters
+    ----------
+    name : what the page calls it
+    layers : name -> plane: normals, albedo, height, expected, error, as far as the folder has them
+    about : what the page is told of it besides the tiles, values of JSON
+    photographs : None where the capture is not at hand
+    """
+
+    name: str
+    layers: dict[str, Plane]
+    about: dict[str, Any]
+    photographs: Photographs | None
+
+    def tile(self, layer: str, level: int, x: int, y: int) -> bytes:
+        """A tile of a layer, or of photograph j as "photograph-j"; KeyError or IndexError where there is none."""
+        if layer.startswith("photograph-"):
+            j = int(layer.removeprefix("photograph-"))
+            if self.photographs is None or not 0 <= j < len(self.photographs):
+                raise IndexError
+            return self.photographs[j].tile(level, x, y)
+        return self.layers[layer].tile(level, x, y)
+
+
+def is_result(folder: Path) -> bool:
+    """True for a folder with a report and normals."""
+    return (folder / REPORT).is_file() and (folder / "normals.npz").is_file()
+
+
+def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px: float | None = None) -> Shown:
+    """A folder that `photonormal measure` wrote.
+
+    Parameters
+    ----------
+    folder : the result
+    capture : its photographs, where they are not where the report says
+    mm_per_px : millimetres that a pixel is wide, where the report does not say
+
+    Raises
+    ------
+    InputError
+        If the folder is no result, or a file of it is cut short or of another size.
+    """
+    folder = Path(folder)
+    report = _report(folder)
+    normals = load_normals(folder)
+    box = bounding_box(normals.mask, MARGIN)
+    map = normals.map[box]
+    shape = map.shape[:2]
+    layers = {"normals": normals_plane(map)}
+    about: dict[str, Any] = {}
+    albedo = read_albedo(folder / "albedo.png") if (folder / "albedo.png").is_file() else None
+    if albedo is not None:
+        _same_size(folder / "albedo.png", albedo.shape, normals.mask.shape)
+        layers["albedo"] = plane("colour", display(albedo[box]))
+    if (folder / "depth.npz").is_file():
+        surface = read_depth(folder / "depth.npz")
+        _same_size(folder / "depth.npz", surface.depth.shape, normals.mask.shape)
+        layers["height"], low, step = height_plane(heights_px(surface)[box])
+        about["relief"] = {"low": low, "step": step}
+    if normals.expected_error_deg is not None:
+        layers["expected"] = degrees_plane(normals.expected_error_deg[box])
+    photographs, missing = _capture(report, capture, normals.mask.shape)
+    if photographs is not None and photographs.truth is not None:
+        error = error_map_deg(normals, photographs.truth)
+        layers["error"] = degrees_plane(error[box])
+        about["mean_error_deg"] = round(float(np.nanmean(error)), 2)
+    told = report.get("reading", {}).get("mm_per_px")
+    if mm_per_px is None and told is not None:
+        check_value(told, Positive, f"{folder / REPORT}: mm_per_px")
+        mm_per_px = told
+    name = f"{report.get('capture') or folder.resolve().name}, {report.get('method') or 'normals'}"
+    about |= {
+        "title": name,
+        "method": report.get("method", ""),
+        "lamps": report.get("lights", 0),
+        "width": shape[1],
+        "height": shape[0],
+        "origin": [box[1].start, box[0].start],
+        "sizes": [[level.shape[1], level.shape[0]] for level in layers["normals"].levels],
+        "layers": {key: p.kind for key, p in layers.items()},
+        "first": 0,
+        "first_photograph": 0,
+        "mm_per_px": mm_per_px,
+        "expected_error_deg": report.get("expected_error_deg"),
+        "photographs": [],
+        "notes": [] if missing is None else [missing],
+    }
+    return Shown(name, layers, about, _add_photographs(about, photographs, box))
+
+
+def heights_px(surface: Surface) -> np.ndarray:
+    """Heights (h, w) towards the camera in pixels, NaN where there is none; a perspective view's mean depth is at 0."""
+    return surface.depth if surface.K is None else (1 - surface.depth) * surface.K[0, 0]
+
+
+def units() -> dict[str, int]:
+    """What the page has to know of the planes' integers."""
+    return {"unit": UNIT, "levels_per_degree": LEVELS_PER_DEGREE, "unknown": UNKNOWN}
+
+
+def _report(folder: Path) -> Report:
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder; give one that `photonormal measure` wrote.")
+    if not is_result(folder):
+        raise InputError(f"{folder} holds no {REPORT} and normals.npz; give a folder that `photonormal measure` wrote.")
+    return read_json(folder / REPORT, Report, AGAIN)
+
+
+def _same_size(path: Path, shape: tuple[int, ...], frame: tuple[int, ...]) -> None:
+    if shape[:2] != frame:
+        raise InputError(f"{path} is {shape[:2]} but normals.npz beside it is {frame}; measure again.")
+
+
+def _capture(report: Report, given: str | Path | None, shape: tuple[int, ...]) -> tuple[Capture | None, str | None]:
+    """The photographs that were measured, or why they are left out. What the user named must fit."""
+    source = given if given is not None else report.get("source")
+    if source is None:
+        return None, "The report does not say where the photographs are; name them with --capture."
+    if source == "demo":
+        source = DEMO
+    try:
+        found = load(source, **report.get("reading", {}))
+        if found.mask.shape != shape:
+            raise InputError(f"{source} holds photographs of {found.mask.shape} but the normals are {shape}.")
+        _ = found.images[0]
+        return found, None
+    except (InputError, TypeError) as error:
+        if given is not None:
+            raise InputError(f"--capture: {error}") from None
+        return None, "The photographs are no longer where the report says; name them with --capture."
+
+
+def _add_photographs(about: dict[str, Any], capture: Capture | None, box: tuple[slice, slice]) -> Photographs | None:
+    if capture is None:
+        return None
+    L = capture.lights
+    about["photographs"] = [
+        {"index": j, "name": name, "light": None if L is None else [round(float(v), 5) for v in L[j]]}
+        for j, name in enumerate(capture.image_names)
+    ]
+    picture = capture.images[0 if L is None else int(np.argmax(L[:, 2]))]  # the light nearest to the camera shows most
+    return Photographs(capture, box, max(float(np.quantile(picture[capture.mask], 0.99)), 1e-6))

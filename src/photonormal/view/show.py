@@ -1,0 +1,95 @@
+"""The page that shows results: served, or as one file."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from photonormal.disk import write
+from photonormal.types import InputError
+from photonormal.view.page import document, ramp, read
+from photonormal.view.planes import SIDE, evenly
+from photonormal.view.result import Shown, open_result, units
+
+SCRIPTS = (
+    "base",
+    "source",
+    "gl",
+    "shading",
+    "tiles",
+    "picture",
+    "surface",
+    "light",
+    "measure",
+    "view",
+    "input",
+    "plain",
+)
+FILE_PIXELS = 4.2e6  # of a result inside one file; larger ones are reduced
+PHOTOGRAPHS = 12  # inside one file
+PHOTOGRAPH_SIDE = 1024  # pixels of the longest side of them
+
+
+def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None = None) -> str:
+    """The page of the results that the dictionaries tell about; without `tiles` it asks for them where it came from."""
+    data = {"results": list(results), "tiles": tiles, "colours": ramp(), **units()}
+    title = ", ".join(r["title"] for r in results)
+    scripts = [read(f"{name}.js") for name in SCRIPTS]
+    return document(
+        f"{title} - photonormal", read("view.html"), [read("view.css")], scripts, data, served=tiles is None
+    )
+
+
+def export_page(
+    folder: str | Path,
+    out: str | Path,
+    capture: str | Path | None = None,
+    mm_per_px: float | None = None,
+    overwrite: bool = False,
+) -> tuple[Path, int]:
+    """Write the page of one result as one file, which opens without server or network.
+
+    Results above FILE_PIXELS are halved until they fit; of the photographs up to PHOTOGRAPHS go in, evenly picked.
+
+    Parameters
+    ----------
+    folder, capture, mm_per_px : as for `photonormal.view.result.open_result`
+    out : the file to write, .html
+    overwrite : replace a file that exists
+
+    Returns
+    -------
+    The file written, and by how much the result was reduced: 1 for not at all.
+    """
+    out = Path(out)
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"--page {out} ends in {out.suffix!r} but an .html file is written; choose such a name.")
+    if out.exists() and not overwrite:
+        raise InputError(f"{out} exists; choose another --page, or add --overwrite to replace it.")
+    shown = open_result(folder, capture, mm_per_px)
+    about = dict(shown.about)
+    sizes = about["sizes"]
+    about["first"] = next(k for k, (w, h) in enumerate(sizes) if w * h <= FILE_PIXELS)
+    about["first_photograph"] = next(k for k, size in enumerate(sizes) if max(size) <= max(PHOTOGRAPH_SIDE, SIDE))
+    about["photographs"] = evenly(about["photographs"], PHOTOGRAPHS)
+    reduced = 2 ** about["first"]
+    if reduced > 1:
+        about["notes"] = [
+            *about["notes"],
+            f"This file holds the result at 1/{reduced} of its size; `photonormal view` shows all of it.",
+        ]
+    tiles = {f"tile/0/{path}": base64.b64encode(tile).decode() for path, tile in _tiles(shown, about)}
+    write(out, result_page([about], tiles).encode())
+    return out, reduced
+
+
+def _tiles(shown: Shown, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+    layers = [(name, about["first"]) for name in about["layers"]]
+    layers += [(f"photograph-{p['index']}", about["first_photograph"]) for p in about["photographs"]]
+    for layer, first in layers:
+        for level, (w, h) in enumerate(about["sizes"]):
+            for y in range(-(-h // SIDE) if level >= first else 0):
+                for x in range(-(-w // SIDE)):
+                    yield f"{layer}/{level}/{x}/{y}", shown.tile(layer, level, x, y)

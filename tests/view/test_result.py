@@ -1,0 +1,94 @@
+"""What a result folder gives to the page, and what is told of one that can't be shown."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from photonormal.export import load_normals
+from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN
+from photonormal.view.result import open_result
+
+
+@pytest.fixture
+def copy(result, tmp_path):
+    return shutil.copytree(result, tmp_path / "copy")
+
+
+def test_a_result_has_all_its_layers(result):
+    shown = open_result(result)
+    assert set(shown.layers) == {"normals", "albedo", "height", "expected", "error"}
+    assert len(shown.about["photographs"]) == 12 and shown.about["notes"] == []
+    h, w = shown.about["height"], shown.about["width"]
+    assert all(p.levels[0].shape[:2] == (h, w) for p in shown.layers.values())
+    assert shown.photographs[3].levels[0].shape == (h, w, 3)
+
+
+def test_the_true_error_is_that_of_the_report(result):
+    level = open_result(result).layers["error"].levels[0]
+    mean = level[level != UNKNOWN].mean() / LEVELS_PER_DEGREE
+    assert abs(mean - json.loads((result / "report.json").read_text())["score"]["mean_deg"]) < 1 / LEVELS_PER_DEGREE
+
+
+def test_it_is_cut_to_the_object(result):
+    shown, normals = open_result(result), load_normals(result)
+    x, y = shown.about["origin"]
+    rows, columns = np.nonzero(normals.mask)
+    assert 0 <= rows.min() - y <= 8 and 0 <= columns.min() - x <= 8
+
+
+def test_without_photographs_the_page_says_so(copy):
+    report = json.loads((copy / "report.json").read_text())
+    report["source"] = str(copy / "absent")
+    (copy / "report.json").write_text(json.dumps(report))
+    shown = open_result(copy)
+    assert shown.photographs is None and "error" not in shown.layers and "no longer" in shown.about["notes"][0]
+    del report["source"], report["reading"]
+    (copy / "report.json").write_text(json.dumps(report))
+    assert "--capture" in open_result(copy).about["notes"][0]
+
+
+def test_photographs_that_are_named_are_shown(copy, capture):
+    report = json.loads((copy / "report.json").read_text())
+    report["source"] = "/nowhere"
+    (copy / "report.json").write_text(json.dumps(report))
+    assert len(open_result(copy, capture).photographs) == 12
+
+
+def test_lengths_are_told_in_mm(result):
+    assert open_result(result).about["mm_per_px"] is None
+    assert open_result(result, mm_per_px=0.5).about["mm_per_px"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("spoil", "says"),
+    [
+        (lambda f: shutil.rmtree(f), "is no folder"),
+        (lambda f: (f / "normals.npz").unlink(), "holds no report.json and normals.npz"),
+        (lambda f: (f / "report.json").write_text('{"capture": "b'), "report.json can't be read"),
+        (lambda f: (f / "report.json").write_text("[1]"), "report.json can't be read"),
+        (lambda f: _cut(f / "normals.npz"), "normals.npz can't be read"),
+        (lambda f: _cut(f / "depth.npz"), "depth.npz can't be read"),
+        (lambda f: _cut(f / "albedo.png"), "albedo.png is truncated"),
+        (
+            lambda f: np.savez(f / "depth.npz", depth=np.zeros((3, 4)), mask=np.ones((3, 4), bool)),
+            "depth.npz is (3, 4)",
+        ),
+    ],
+)
+def test_a_result_that_is_none_is_refused_in_one_line(copy, run, tmp_path, spoil, says):
+    spoil(copy)
+    for command in (("view", copy, "--no-browser"), ("export", copy, "--page", tmp_path / "p.html")):
+        code, out, err = run(*command)
+        assert code == 2 and says in err and len(err.splitlines()) == 1 and out == ""
+    assert not (tmp_path / "p.html").exists()
+
+
+def test_photographs_of_another_size_are_refused(copy, run, tmp_path):
+    code, _, err = run("export", copy, "--page", tmp_path / "p.html", "--capture", "demo")
+    assert code == 2 and "--capture" in err and len(err.splitlines()) == 1
+
+
+def _cut(path):
+    path.write_bytes(path.read_bytes()[:300])

@@ -1,0 +1,70 @@
+"""What is served, to whom, and what is not."""
+
+import http.client
+import re
+import socket
+from urllib.parse import urlsplit
+
+import pytest
+
+from photonormal.types import InputError
+from photonormal.view.server import HOST, serve
+
+
+@pytest.fixture(scope="module")
+def ask(served, result):
+    """A function that gets a path, with TOKEN for the token: (status, headers, text)."""
+    address = urlsplit(served(result))
+    token = address.path.strip("/")
+
+    def get(path, host=None):
+        connection = http.client.HTTPConnection(address.hostname, address.port, timeout=60)
+        connection.request("GET", path.replace("TOKEN", token), headers={"Host": host or address.netloc})
+        answer = connection.getresponse()
+        found = answer.status, {k.lower(): v for k, v in answer.getheaders()}, answer.read()
+        connection.close()
+        return found
+
+    return get
+
+
+def test_the_page_and_its_tiles_are_served(ask):
+    status, headers, page = ask("/TOKEN/")
+    assert status == 200 and b"woodham" in page and headers["cache-control"] == "no-store"
+    for layer in ("normals", "albedo", "height", "expected", "error", "photograph-0", "photograph-11"):
+        assert ask(f"/TOKEN/tile/0/{layer}/0/0/0")[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/", "/other/", "/other/tile/0/normals/0/0/0", "/TOKEN/tile/1/normals/0/0/0", "/TOKEN/tile/-1/normals/0/0/0"),
+        *("/TOKEN/tile/0/report/0/0/0", "/TOKEN/tile/0/normals/9/0/0", "/TOKEN/tile/0/photograph-12/0/0/0"),
+        *("/TOKEN/tile/0/photograph--1/0/0/0", "/TOKEN/tile/0/photograph-x/0/0/0", "/TOKEN/report.json"),
+        *("/TOKEN/../report.json", "/TOKEN/tile/0/..%2f..%2freport.json/0/0/0", "/docs", "/openapi.json"),
+    ],
+)
+def test_nothing_else_is(ask, path):
+    assert ask(path)[0] in (404, 422)
+
+
+def test_another_host_name_gets_nothing(ask):
+    assert ask("/TOKEN/", "evil.example")[0] == 404
+
+
+def test_the_page_may_load_nothing_from_elsewhere(ask):
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', ask("/TOKEN/")[2].decode())[1]
+    assert "default-src 'none'" in policy and "unsafe" not in policy and "http" not in policy
+
+
+def test_a_port_that_is_taken_is_told():
+    with socket.socket() as taken:
+        taken.bind((HOST, 0))
+        taken.listen()
+        with pytest.raises(InputError, match=r"port \d+ is taken"):
+            serve(lambda token: object(), taken.getsockname()[1], browser=False)
+
+
+def test_a_port_that_is_none_is_told(result, run):
+    code, _, err = run("view", result, "--port", "99999", "--no-browser")
+    assert code == 2 and "--port 99999" in err and len(err.splitlines()) == 1

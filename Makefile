@@ -7,7 +7,7 @@ READY := $(VENV)/.ready
 help:
 	@echo "make demo   install, then measure the capture that comes with the package"
 	@echo "make test   install, then run the tests"
-	@echo "make fuzz   install, then change 2,000 stored files at random and read them: half an hour"
+	@echo "make fuzz   install, then damage 10,000 captures and 2,000 stored files at random and read them"
 	@echo "make check  what a change must pass: format, lint, types, tests"
 
 $(READY): pyproject.toml constraints.txt
@@ -26,6 +26,7 @@ test: $(READY)
 
 fuzz: $(READY)
 	$(VENV)/bin/python -m tests.fuzz.stored_files --count 2000
+	$(VENV)/bin/python -m tests.fuzz.captures --cases 10000
 
 check: $(READY)
 	VENV=$(VENV) scripts/check

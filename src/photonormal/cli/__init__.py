@@ -6,6 +6,7 @@ import contextlib
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -39,6 +40,8 @@ def main(arguments: list[str] | None = None, interrupted: Callable[[], bool] = l
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files are bytes
+    if arguments is None and not sys.warnoptions:
+        warnings.simplefilter("ignore")  # what libraries warn of says nothing to a user; what matters ends in our words
     try:
         code = parsed(arguments)()
         sys.stdout.flush()  # a reader that has gone, such as `head`, shows here

@@ -13,7 +13,7 @@ from tyro.conf import Positional
 
 from photonormal.options import Device, Positive, Precision
 from photonormal.solve import DEFAULT, METHODS, method_class, parse
-from photonormal.types import InputError
+from photonormal.types import InputError, printable
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Measure:
             **asdict(self.read),
         )
         for warning in report["warnings"]:
-            print(f"photonormal: warning: {warning}", file=sys.stderr)
+            print(f"photonormal: warning: {printable(warning)}", file=sys.stderr)
         seconds = sum(report["seconds"].values())
         print(
             f"{report['pixels']['measured']} normals from {report['lights']} photographs by {report['method']} "

@@ -50,7 +50,7 @@ class Calibrate:
             overwrite=self.overwrite,
         )
         for warning in report["warnings"]:
-            print(f"photonormal: warning: {warning}", file=sys.stderr)
+            print(f"photonormal: warning: {printable(warning)}", file=sys.stderr)
         for sphere in report["spheres"]:
             c = sphere["circle"]
             print(
@@ -128,7 +128,7 @@ class Check:
             **asdict(self.read),
         )
         for finding in found:
-            print(f"{'grave' if finding.grave else 'note'}: {finding.kind}: {finding.message}")
+            print(f"{'grave' if finding.grave else 'note'}: {finding.kind}: {printable(finding.message)}")
         if not found:
             print("nothing wrong was found")
         if files:

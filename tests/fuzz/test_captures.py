@@ -1,0 +1,15 @@
+"""A malformed capture ends in a result or in one line, whatever is wrong with it."""
+
+import sys
+
+import pytest
+
+from tests.fuzz.captures import KINDS, faults
+from tests.fuzz.drive import Driver
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the driver reads /proc")
+
+
+def test_malformed_captures_of_every_kind():
+    with Driver() as driver:
+        assert [fault for seed in range(2 * len(KINDS)) for fault in faults(driver, seed)] == []

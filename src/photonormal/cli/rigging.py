@@ -10,6 +10,7 @@ from tyro.conf import Positional
 
 from photonormal.cli.measuring import Photographs, Read
 from photonormal.options import Count, Positive
+from photonormal.types import printable
 
 
 @dataclass(frozen=True)

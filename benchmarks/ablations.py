@@ -28,9 +28,9 @@ import torch
 from classical import print_row
 from safetensors import safe_open
 
+from photonormal.solve.inputs.grey import torch_device
 from photonormal.solve.learned.network import parameters
 from photonormal.solve.learned.weights import load
-from photonormal.solve.observations import torch_device
 from photonormal.synth import Stream
 from photonormal.synth.stream import Batch
 from photonormal.train import checkpoint, train

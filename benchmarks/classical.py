@@ -25,7 +25,8 @@ import torch
 
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
-from photonormal.solve import METHODS, method_class, observations
+from photonormal.solve import METHODS, method_class
+from photonormal.solve.inputs import grey as observations
 
 PUBLISHED = {  # ball bear buddha cat cow goblet harvest pot1 pot2 reading
     "woodham": "4.10 8.39 14.92 8.41 25.60 18.50 30.62 8.89 14.65 19.80",

@@ -20,7 +20,8 @@ from classical import OBJECTS, in_memory, print_row, under
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import configure, observations
+from photonormal.solve import configure
+from photonormal.solve.inputs import grey as observations
 from photonormal.synth.sensor import corrupt, turned
 
 Table = dict[str, pn.Capture]

@@ -20,7 +20,7 @@ import torch
 from photonormal import Capture, Normals, solve
 from photonormal.score import score
 from photonormal.solve import configure
-from photonormal.solve.near import Near, surface_mm
+from photonormal.solve.engine.near import Near, surface_mm
 from photonormal.synth import recipe
 from photonormal.synth.stream import render_block
 from photonormal.types import Camera, Lamps

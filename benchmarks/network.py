@@ -22,11 +22,11 @@ import numpy as np
 import torch
 
 from photonormal.geometry import fibonacci_hemisphere
+from photonormal.solve.inputs.grey import torch_device
 from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.network import placed
 from photonormal.solve.learned.processor import inner_precision, keep_freed_memory, knows_bf16
 from photonormal.solve.learned.weights import build
-from photonormal.solve.observations import torch_device
 from photonormal.train.observe import observe
 from photonormal.train.recipes import recipe
 from photonormal.types import Capture

@@ -46,7 +46,7 @@ def imported(file: Path) -> set[str]:
 
 
 def test_the_walk_sees_imports():
-    assert "types" in imported(SOURCE / "solve" / "observations.py")
+    assert "types" in imported(SOURCE / "solve" / "inputs" / "grey.py")
 
 
 @pytest.mark.parametrize("place", MAY_IMPORT)

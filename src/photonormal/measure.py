@@ -80,10 +80,11 @@ def measure(
         with _stage("check", seconds), progress("checking"):
             warnings = [finding.message for finding in check(photographs)]
         with _stage("solve", seconds), progress(f"normals by {method}"):
+            from photonormal.solve.engine.near import seen_as_distant
             from photonormal.solve.expected import with_expected_error
             from photonormal.solve.learned.processor import computing_in, number_format
-            from photonormal.solve.near import seen_as_distant
-            from photonormal.solve.observations import torch_device
+            from photonormal.solve.engine.near import seen_as_distant
+            from photonormal.solve.inputs.grey import torch_device
 
             where = torch_device(device)
             with computing_in(precision):

@@ -161,7 +161,7 @@ class Capture:
     lamps : where the lights are, if they are near; needs `camera`
     camera : what a pixel is in millimetres
     lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ; then
-        the images hold no fall-off (`photonormal.solve.near` makes such captures)
+        the images hold no fall-off (`photonormal.solve.engine.near` makes such captures)
 
     Raises
     ------

@@ -113,7 +113,7 @@ def test_near_lamps_are_evened_out_first(camera):
 
 
 def test_blocks_of_pixels_change_nothing(monkeypatch):
-    from photonormal.solve import observations
+    from photonormal.solve.inputs import grey as observations
 
     capture = shining(0.3)
     normals = solve(capture, "l1", device="cpu")

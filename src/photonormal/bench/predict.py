@@ -87,7 +87,7 @@ def bench(
         If the root holds no objects, a method, option or count can't be used, or `out` holds predictions that were
         made in another way. Nothing has been predicted then.
     """
-    from photonormal.solve.observations import torch_device
+    from photonormal.solve.inputs.grey import torch_device
 
     torch_device(device)
     plan = Plan.parse(images, draws, fixed)
@@ -169,7 +169,7 @@ def _predict(
     from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
     from photonormal.solve import run
     from photonormal.solve.learned.processor import number_format
-    from photonormal.solve.observations import torch_device
+    from photonormal.solve.inputs.grey import torch_device
 
     where = torch_device(device)
     solver, part = entry.solver(), selected(capture, selection)

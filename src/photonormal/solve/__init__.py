@@ -86,7 +86,7 @@ def run(method: Callable[[Capture, torch.device], Normals], capture: Capture, de
     """Normals by a method with its options set, whether lights are distant or near."""
     if capture.lamps is None:
         return method(capture, device)
-    from photonormal.solve.near import Near
+    from photonormal.solve.engine.near import Near
 
     return Near(method)(capture, device)
 
@@ -112,7 +112,7 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     """
     solver = configure(method, **options)
     from photonormal.solve.expected import with_expected_error
-    from photonormal.solve.observations import torch_device
+    from photonormal.solve.inputs.grey import torch_device
 
     where = torch_device(device)
     return with_expected_error(run(solver, capture, where), capture, method, where)

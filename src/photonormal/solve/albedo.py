@@ -7,7 +7,7 @@ import threading
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.solve.near import seen_as_distant
+from photonormal.solve.engine.near import seen_as_distant
 from photonormal.types import Capture, Normals
 
 

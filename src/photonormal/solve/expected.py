@@ -21,8 +21,8 @@ from torch import Tensor
 from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
-from photonormal.solve.near import seen_as_distant
-from photonormal.solve.observations import blocks, grey_levels, lights_of, lit, seen_from
+from photonormal.solve.engine.near import seen_as_distant
+from photonormal.solve.inputs.grey import blocks, grey_levels, lights_of, lit, seen_from
 from photonormal.types import Capture, Normals
 
 FILE = Path(__file__).with_name("expected.json")
@@ -59,7 +59,7 @@ def with_expected_error(normals: Normals, capture: Capture, method: str, device:
     """The normals that a method found, with how far each is expected to be off.
 
     Unchanged where a method has no calibration. `capture` is the one that was solved, or that one with its near lamps
-    evened out (`photonormal.solve.near.seen_as_distant`), which saves doing it again.
+    evened out (`photonormal.solve.engine.near.seen_as_distant`), which saves doing it again.
     """
     if method not in calibrations():
         return normals

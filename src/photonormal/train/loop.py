@@ -235,7 +235,7 @@ def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, 
 
 def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
     """The number format of a training: its checkpoint's, or the one asked for."""
-    from photonormal.solve.observations import torch_device
+    from photonormal.solve.inputs.grey import torch_device
 
     with computing_in(asked):
         found = number_format(torch_device(device))
@@ -259,7 +259,7 @@ def launched(device: str, precision: Precision, changing: bool = False) -> Any:
             from lightning.fabric import Fabric  # type: ignore[import-not-found]
         except ImportError:
             raise InputError("training needs Lightning Fabric; install it: pip install 'photonormal[train]'.") from None
-    from photonormal.solve.observations import torch_device
+    from photonormal.solve.inputs.grey import torch_device
 
     kind = torch_device(device).type
     processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))

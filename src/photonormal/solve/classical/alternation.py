@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.ransac import Ransac
 from photonormal.solve.classical.refine import Refinement
-from photonormal.solve.observations import blocks, every_pixel, grey_levels, lights_of, lit, on_mask, some_pixels
+from photonormal.solve.inputs.grey import blocks, every_pixel, grey_levels, lights_of, lit, on_mask, some_pixels
 from photonormal.types import Capture, Normals
 
 

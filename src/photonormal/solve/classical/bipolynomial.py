@@ -13,7 +13,7 @@ from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse, symmetric_product
-from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 

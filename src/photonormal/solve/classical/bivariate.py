@@ -14,7 +14,7 @@ from photonormal.shading import cosines, half_vectors, over_lights
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse
-from photonormal.solve.observations import ascending_order, at_least, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import ascending_order, at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 SIX_TO_NINE = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # xx xy xz yy yz zz -> 3 x 3

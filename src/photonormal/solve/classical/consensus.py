@@ -14,7 +14,7 @@ from photonormal.geometry import fibonacci_hemisphere
 from photonormal.options import Angle, Effort, NotNegative, Positive
 from photonormal.shading import over_lights
 from photonormal.solve.classical.triplets import by_direction
-from photonormal.solve.observations import at_least, normalised, per_lit_pixel, seen_from
+from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel, seen_from
 from photonormal.types import Capture, Normals
 
 TOGETHER, ALONE = 512, 16  # pixels voted on at a time; where each sees the lights elsewhere

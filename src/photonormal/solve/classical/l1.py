@@ -11,7 +11,7 @@ from torch import Tensor
 from photonormal.options import Effort, Positive
 from photonormal.shading import cosines
 from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.observations import at_least, lit, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import at_least, lit, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from photonormal.options import Effort, Seed
 from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
 from photonormal.solve.classical.woodham import scaled_normals
-from photonormal.solve.observations import normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 

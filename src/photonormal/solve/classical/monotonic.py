@@ -12,7 +12,7 @@ from torch import Tensor
 from photonormal.options import Angle, NotNegative, Share
 from photonormal.shading import cosines, half_vectors
 from photonormal.solve.classical.bivariate import Bivariate
-from photonormal.solve.observations import ascending_order, at_least, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import ascending_order, at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 

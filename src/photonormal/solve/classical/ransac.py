@@ -12,7 +12,7 @@ from photonormal.options import Effort, Positive, Seed, Whole
 from photonormal.shading import cosines
 from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
 from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.solve.classical.woodham import symmetric_inverse, symmetric_product
-from photonormal.solve.observations import normalised
+from photonormal.solve.inputs.grey import normalised
 
 TURN = 2e-3  # radians by which normals are turned to see how a prediction changes
 

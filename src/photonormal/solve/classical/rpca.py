@@ -10,7 +10,7 @@ from torch import Tensor
 
 from photonormal.options import Effort, Positive
 from photonormal.solve.classical.woodham import scaled_normals
-from photonormal.solve.observations import at_least, grey_levels, lights_of, lit, normalised, on_mask
+from photonormal.solve.inputs.grey import at_least, grey_levels, lights_of, lit, normalised, on_mask
 from photonormal.types import Capture, Normals
 
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from photonormal.options import Effort, Positive
 from photonormal.shading import cosines, over_lights
 from photonormal.solve.classical.woodham import pairs, scaled_normals, symmetric_inverse, symmetric_product
-from photonormal.solve.observations import at_least, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel
 from photonormal.types import Capture, Normals
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.options import Effort
 from photonormal.shading import cosines, half_vectors, shade
 from photonormal.solve.classical.alternation import Alternation
-from photonormal.solve.observations import at_least
+from photonormal.solve.inputs.grey import at_least
 from photonormal.types import Capture, Normals
 
 

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from photonormal.options import Effort, Share
 from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.observations import ascending, lit, normalised, per_lit_pixel
+from photonormal.solve.inputs.grey import ascending, lit, normalised, per_lit_pixel
 from photonormal.types import Capture, InputError, Normals
 
 

@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.shading import cosines, half_vectors, shade
 from photonormal.solve.classical.alternation import Alternation
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
-from photonormal.solve.observations import at_least, seen_from
+from photonormal.solve.inputs.grey import at_least, seen_from
 from photonormal.types import Capture, Normals
 
 DESCENT = 30  # steps of fitting the materials

@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.shading import over_lights
-from photonormal.solve.observations import normalised, per_pixel
+from photonormal.solve.inputs.grey import normalised, per_pixel
 from photonormal.types import Capture, Normals
 
 SINGULAR = 1e-6  # relative determinant below which the samples of a pixel do not fix a normal

@@ -7,8 +7,9 @@ import pytest
 
 from photonormal import Capture, InputError, solve
 from photonormal.geometry import angle_deg
-from photonormal.solve import METHODS, near
+from photonormal.solve import METHODS
 from photonormal.solve.albedo import lambertian_albedo
+from photonormal.solve.engine import near
 from photonormal.types import Lamps, Normals
 from tests.near import ORTHOGRAPHIC, PERSPECTIVE, bump, dome, photographed
 

@@ -6,8 +6,8 @@ import torch
 
 from photonormal import Capture, InputError
 from photonormal.geometry import fibonacci_hemisphere
-from photonormal.solve import observations
-from photonormal.solve.observations import (
+from photonormal.solve.inputs import grey as observations
+from photonormal.solve.inputs.grey import (
     at_least,
     blocks,
     grey_levels,

@@ -1,0 +1,1 @@
+"""What methods and networks read, made in one place for training and for measuring."""

@@ -28,7 +28,7 @@ import torch
 from classical import print_row
 from safetensors import safe_open
 
-from photonormal.solve.inputs.grey import torch_device
+from photonormal.solve.engine.device import torch_device
 from photonormal.solve.learned.network import parameters
 from photonormal.solve.learned.weights import load
 from photonormal.synth import Stream

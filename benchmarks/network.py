@@ -20,10 +20,10 @@ from dataclasses import replace
 
 import numpy as np
 import torch
+from photonormal.solve.learned.measure import measure
 
 from photonormal.geometry import fibonacci_hemisphere
-from photonormal.solve.inputs.grey import torch_device
-from photonormal.solve.learned.measure import measure
+from photonormal.solve.engine.device import torch_device
 from photonormal.solve.learned.network import placed
 from photonormal.solve.learned.processor import inner_precision, keep_freed_memory, knows_bf16
 from photonormal.solve.learned.weights import build

@@ -8,8 +8,22 @@ __version__ = "0.1.0"
 from photonormal.capture import load
 from photonormal.export import save
 from photonormal.integrate import integrate
+from photonormal.measure import measure
 from photonormal.score import score
 from photonormal.solve import solve
-from photonormal.types import Capture, InputError, Normals, Surface
+from photonormal.types import Capture, InputError, Normals, Result, Surface
 
-__all__ = ["Capture", "InputError", "Normals", "Surface", "__version__", "integrate", "load", "save", "score", "solve"]
+__all__ = [
+    "Capture",
+    "InputError",
+    "Normals",
+    "Result",
+    "Surface",
+    "__version__",
+    "integrate",
+    "load",
+    "measure",
+    "save",
+    "score",
+    "solve",
+]

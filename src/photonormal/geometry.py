@@ -14,11 +14,16 @@ FRAMES = {  # vectors of another convention times these are in ours (x right, y 
 }
 
 
-def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
-    """Vectors of our frame in the one called `name`, and the other way round."""
+def known_frame(name: str) -> tuple[float, float, float]:
+    """The factors of a frame; InputError where there is none of that name."""
     if name not in FRAMES:
         raise InputError(f"no frame {name!r}; choose from {', '.join(FRAMES)}.")
-    return v * np.array(FRAMES[name], v.dtype)
+    return FRAMES[name]
+
+
+def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
+    """Vectors of our frame in the one called `name`, and the other way round."""
+    return v * np.array(known_frame(name), v.dtype)
 
 
 def normalised(v: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:

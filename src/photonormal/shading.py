@@ -30,6 +30,12 @@ def angle_deg(a: Float[Tensor, "p 3"], b: Float[Tensor, "p 3"]) -> Float[Tensor,
     return torch.rad2deg(torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)))
 
 
+def normalised(b: Float[Tensor, "*p 3"]) -> Float[Tensor, "*p 3"]:
+    """Unit vectors along `b`; zero where `b` is zero or not finite."""
+    length = b.norm(dim=-1, keepdim=True)
+    return torch.where(torch.isfinite(length) & (length > 0), b / length, torch.zeros_like(b))
+
+
 def towards(
     X: Float[Tensor, "*b p 3"], S: Float[Tensor, "*b n 3"]
 ) -> tuple[Float[Tensor, "*b p n 3"], Float[Tensor, "*b p n"]]:

@@ -49,12 +49,28 @@ def printable(text: str) -> str:
 
 @runtime_checkable
 class Images(Protocol):
-    """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for."""
+    """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for.
+
+    Those that can read a part of one alone have ``window(j, rows, columns)``, which `window_of` asks.
+    """
 
     @property
     def shape(self) -> tuple[int, ...]: ...
 
     def __getitem__(self, index: int, /) -> np.ndarray: ...
+
+
+def window_of(images: Images, j: int, rows: slice, columns: slice) -> Image:
+    """A part of one picture, without more of it being read where the images can do so."""
+    read = getattr(images, "window", None)
+    return images[j][rows, columns] if read is None else read(j, rows, columns)
+
+
+@runtime_checkable
+class LightsAt(Protocol):
+    """Unit vectors to the lights from the mask's pixels: an array (p, n, 3), or computed for the pixels asked for."""
+
+    def __getitem__(self, pixels: Any, /) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)
@@ -160,8 +176,9 @@ class Capture:
     image_names : the n pictures' names
     lamps : where the lights are, if they are near; needs `camera`
     camera : what a pixel is in millimetres
-    lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ; then
-        the images hold no fall-off (`photonormal.solve.engine.near` makes such captures)
+    lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ, or
+        what gives those of some pixels when asked (``lights_at[a:b]``); then the images hold no fall-off
+        (`photonormal.solve.engine.near` makes such captures)
 
     Raises
     ------
@@ -179,7 +196,7 @@ class Capture:
     image_names: tuple[str, ...] = field(default=(), repr=False)
     lamps: Lamps | None = None
     camera: Camera | None = None
-    lights_at: np.ndarray | None = field(default=None, repr=False)
+    lights_at: LightsAt | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         shape = tuple(self.images.shape)
@@ -217,10 +234,18 @@ class Capture:
             )
         return self.lights
 
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of image `j`, as `window_of` reads it."""
+        return window_of(self.images, j, rows, columns)
+
+    def each_image(self, f: Callable[[int], T]) -> list[T]:
+        """``f(j)`` of every image, in order; by as many threads as there are cores."""
+        with ThreadPoolExecutor(cores()) as pool:
+            return list(pool.map(f, range(self.images.shape[0])))
+
     def map_images(self, f: Callable[[int, Image], T]) -> list[T]:
         """``f(j, image)`` of every image, in order; decoded by as many threads as there are cores."""
-        with ThreadPoolExecutor(cores()) as pool:
-            return list(pool.map(lambda j: f(j, self.images[j]), range(self.images.shape[0])))
+        return self.each_image(lambda j: f(j, self.images[j]))
 
 
 @dataclass(frozen=True)
@@ -286,6 +311,29 @@ class Surface:
             raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed; give K alone.")
 
 
+@dataclass(frozen=True)
+class Result:
+    """What was measured of one capture, before anything is written (`photonormal.measure`).
+
+    Parameters
+    ----------
+    capture : what was measured
+    normals : with how far each is expected to be off, where that is known
+    albedo : (h, w, 3) linear, in the unit of the images, zero outside the normals' mask. None: not asked for
+    surface : None: not asked for
+    lights, intensities : (n, 3) unit and (n,), where the method found them
+    report : how it was done: method, options, images, seconds, warnings ..., in JSON's kinds of values
+    """
+
+    capture: Capture
+    normals: Normals
+    albedo: np.ndarray | None
+    surface: Surface | None
+    lights: np.ndarray | None
+    intensities: np.ndarray | None
+    report: dict[str, Any] = field(repr=False)
+
+
 def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
     """Light directions of the images `names` as unit vectors (n, 3), float64; InputError where they can't be used."""
     n = len(names)
@@ -333,6 +381,17 @@ def _from_the_middle(lamps: Lamps, camera: Camera | None, mask: Mask, names: Seq
             + ("multiply the positions by 1000, since they look like metres." if metres else "correct it or the scale.")
         )
     return L
+
+
+def box_of(mask: Mask, margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of the smallest box around the mask, grown by `margin` pixels within the frame; of an empty
+    mask, the frame."""
+    spans = []
+    for axis, size in zip((1, 0), mask.shape, strict=True):
+        inside = np.flatnonzero(mask.any(axis))
+        first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, size - 1)
+        spans.append(slice(max(0, first - margin), min(size, last + 1 + margin)))
+    return spans[0], spans[1]
 
 
 def cores() -> int:

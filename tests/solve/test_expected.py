@@ -11,8 +11,9 @@ from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
 from photonormal.shading import half_vectors
-from photonormal.solve import METHODS, solve
-from photonormal.solve.expected import EVIDENCE, calibrations, evidence_of, terms, with_expected_error
+from photonormal.solve import METHODS, configure, expected, solve
+from photonormal.solve.contract import Solution
+from photonormal.solve.expected import EVIDENCE, calibration_of, calibrations, evidence_of, terms, with_expected_error
 from photonormal.types import Capture, Lamps
 from tests.near import ORTHOGRAPHIC, PERSPECTIVE, bump, dome, photographed
 from tests.scenes import lambertian, ring, sphere, write_diligent
@@ -113,12 +114,12 @@ def test_near_lamps_are_evened_out_first(camera):
 
 
 def test_blocks_of_pixels_change_nothing(monkeypatch):
-    from photonormal.solve.inputs import grey as observations
+    from photonormal.solve.inputs import blocks
 
     capture = shining(0.3)
     normals = solve(capture, "l1", device="cpu")
     whole = evidence_of(capture, normals, CPU)
-    monkeypatch.setitem(observations.BLOCK, "cpu", 1000)
+    monkeypatch.setitem(blocks.BLOCK, "cpu", 1000)
     torch.testing.assert_close(evidence_of(capture, normals, CPU), whole, rtol=1e-3, atol=1e-3)
     assert whole.shape == (capture.mask.sum(), len(EVIDENCE))
 
@@ -133,21 +134,42 @@ def test_weights_belong_to_terms():
 
 def test_what_a_network_tells_counts():
     capture = shining(0.3, size=12)
+    p = int(capture.mask.sum())
+    normals = torch.from_numpy(capture.truth.map[capture.mask])
     sure, unsure = (
         with_expected_error(
-            replace(capture.truth, expected_error_deg=np.full(capture.mask.shape, degrees, np.float32)),
-            capture,
-            "normalnet",
-            CPU,
+            capture.truth, Solution(normals, torch.full((p,), degrees)), capture, configure("normalnet"), CPU
         ).expected_error_deg[capture.mask]
         for degrees in (1.0, 10.0)
     )
     assert unsure.mean() > 1.5 * sure.mean()
 
 
-def test_without_a_calibration_normals_are_left_as_they_are():
+@pytest.mark.parametrize(
+    "method",
+    [configure("trimmed", lowest=0.6, highest=1.0), configure("normalnet", passes=1), configure("l1", steps=3)],
+)
+def test_a_calibration_counts_only_for_the_options_it_was_made_for(method):
     capture = shining(0.3, size=12)
-    assert with_expected_error(capture.truth, capture, "of another package", CPU) is capture.truth
+    found = Solution(torch.from_numpy(capture.truth.map[capture.mask]))
+    assert with_expected_error(capture.truth, found, capture, method, CPU) is capture.truth
+    told = torch.full((len(found.normals),), 7.0)
+    e = with_expected_error(capture.truth, replace(found, told_deg=told), capture, method, CPU).expected_error_deg
+    assert (e[capture.mask] == 7).all()  # what it says itself
+
+
+def test_calibrations_hold_for_the_methods_as_they_are():
+    for name in METHODS:
+        assert calibration_of(configure(name)) is calibrations()[name], name
+
+
+def test_on_large_objects_errors_are_found_on_a_grid(monkeypatch):
+    capture = shining(0.5, size=64)
+    whole = told(capture, "trimmed")
+    monkeypatch.setattr(expected, "EVERY", 300)
+    sparse = told(capture, "trimmed")
+    assert (np.isfinite(sparse) == capture.mask).all()
+    assert np.abs(np.log(sparse / whole))[capture.mask].mean() < 0.25
 
 
 def test_measured_on_the_command_line(tmp_path):

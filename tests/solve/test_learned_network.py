@@ -5,8 +5,9 @@ from dataclasses import replace
 import pytest
 import torch
 
+from photonormal.solve.inputs.scaling import moment, scaled
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
-from photonormal.solve.learned.network import moment, parameters, scaled
+from photonormal.solve.learned.network import parameters
 from photonormal.solve.learned.normalnet import ADDED, NormalNet, NormalNetConfig
 from photonormal.solve.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
-from photonormal.solve import METHODS, configure, parse
+from photonormal.solve import METHODS, configure, options_of, parse
 from photonormal.types import InputError
 
 RESERVED = ("truth",)  # folder of a run that is no method's
@@ -21,7 +21,7 @@ class Entry:
     options: dict[str, Any]
 
     def solver(self) -> Any:
-        """The method, ready to be called with a capture and a device."""
+        """The method with its options."""
         return configure(self.method, **self.options)
 
     def config(self) -> dict[str, Any]:
@@ -35,8 +35,7 @@ class Entry:
 
     def options_as_stored(self) -> dict[str, Any]:
         """All options in JSON's kinds of values."""
-        options = asdict(self.solver()).items()
-        return {k: v if isinstance(v, (int, float, str, bool, type(None))) else str(v) for k, v in options}
+        return options_of(self.solver())
 
 
 def entries(text: str) -> list[Entry]:

@@ -87,7 +87,7 @@ def bench(
         If the root holds no objects, a method, option or count can't be used, or `out` holds predictions that were
         made in another way. Nothing has been predicted then.
     """
-    from photonormal.solve.inputs.grey import torch_device
+    from photonormal.solve.engine.device import torch_device
 
     torch_device(device)
     plan = Plan.parse(images, draws, fixed)
@@ -167,16 +167,16 @@ def _predict(
 ) -> None:
     """One method on one selection, measured and stored."""
     from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
-    from photonormal.solve import run
-    from photonormal.solve.learned.processor import number_format
-    from photonormal.solve.inputs.grey import torch_device
+    from photonormal.measure import measure
+    from photonormal.solve.engine.device import torch_device
 
     where = torch_device(device)
-    solver, part = entry.solver(), selected(capture, selection)
+    part = selected(capture, selection)
     reset_peak()
-    start = time.perf_counter()
-    normals = run(solver, part, where)
-    seconds = {"solve": round(time.perf_counter() - start, 4)}
+    result = measure(
+        part, entry.method, device, entry.options, integration=None, albedo=False, expected_error=False, examine=False
+    )
+    normals, seconds = result.normals, dict(result.report["seconds"])
     if selection.protocol == "all":
         seconds["read"] = read
     record = {
@@ -190,7 +190,7 @@ def _predict(
         "peak_memory_mb": peak_mb(),
         "gpu_memory_mb": gpu_peak_mb() if where.type == "cuda" else None,
         "device": str(where),
-        "precision": number_format(where) if hasattr(solver, "weights_sha256") else None,
+        "precision": result.report["precision"],
         "processor": processor(),
         "cores": cores(),
         "jobs": jobs,

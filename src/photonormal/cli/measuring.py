@@ -86,23 +86,29 @@ class Measure:
     read: Read = Photographs()
 
     def __call__(self) -> int:
-        from photonormal.measure import measure
+        from photonormal.capture import files_read, load
+        from photonormal.export.folder import whole_folder
+        from photonormal.export.result import write_result
+        from photonormal.geometry import known_frame
+        from photonormal.measure import measure, read_camera
 
         method, options = parse(self.method)
-        report = measure(
-            self.capture,
-            self.out,
-            method=method,
-            options=options,
-            device=self.device,
-            precision=self.precision,
-            mesh=self.mesh,
-            overwrite=self.overwrite,
-            integration=self.integration,
-            normals_frame=self.normals_frame,
-            camera=self.camera,
-            **asdict(self.read),
-        )
+        known_frame(self.normals_frame)
+        K, how = read_camera(self.camera), asdict(self.read)
+        capture = load(self.capture, **how)
+        with whole_folder(
+            self.out, self.overwrite, files_read(self.capture, capture, self.camera, *how.values())
+        ) as folder:
+            result = measure(
+                capture,
+                method,
+                device=self.device,
+                options=options,
+                integration=self.integration if self.mesh else None,
+                K=K,
+                precision=self.precision,
+            )
+            report = write_result(result, folder, self.normals_frame)
         for warning in report["warnings"]:
             print(f"photonormal: warning: {printable(warning)}", file=sys.stderr)
         seconds = sum(report["seconds"].values())

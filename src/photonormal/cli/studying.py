@@ -185,7 +185,7 @@ class Render:
 
     def __call__(self) -> int:
         from photonormal.progress import progress
-        from photonormal.solve.inputs.grey import torch_device
+        from photonormal.solve.engine.device import torch_device
         from photonormal.synth.output import render
 
         device = torch_device(self.device)

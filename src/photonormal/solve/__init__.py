@@ -1,10 +1,9 @@
-"""Capture -> Normals. Every method is a callable ``(capture, device) -> Normals`` and one line of METHODS."""
+"""Capture -> Normals. A method is a frozen dataclass (`photonormal.solve.contract`) and one line of METHODS."""
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Callable
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ from photonormal.options import check
 from photonormal.types import Capture, InputError, Normals
 
 if TYPE_CHECKING:
-    import torch
+    from photonormal.solve.contract import Method
 
 METHODS = {  # name -> "module:Class", imported only when asked for
     "normalnet": "photonormal.solve.learned.normalnet:NormalNetMethod",
@@ -71,7 +70,7 @@ def _value(method: str, name: str, text: str, default: Any) -> Any:
         raise InputError(f"{method} has {name}={default!r} but {text!r} came; give a {kind.__name__}.") from None
 
 
-def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], Normals]:
+def configure(method: str, **options: Any) -> Method:
     """A method with its options set; InputError names what exists where the method or an option does not.
 
     It also names an option whose value makes no sense, and what is needed.
@@ -82,13 +81,23 @@ def configure(method: str, **options: Any) -> Callable[[Capture, torch.device], 
     return configured
 
 
-def run(method: Callable[[Capture, torch.device], Normals], capture: Capture, device: torch.device) -> Normals:
-    """Normals by a method with its options set, whether lights are distant or near."""
-    if capture.lamps is None:
-        return method(capture, device)
-    from photonormal.solve.engine.near import Near
+def name_of(method: Method) -> str:
+    """A method's key in METHODS; "" where it is not there."""
+    place = f"{type(method).__module__}:{type(method).__qualname__}"
+    return next((name for name, known in METHODS.items() if known == place), "")
 
-    return Near(method)(capture, device)
+
+def options_of(method: Method) -> dict[str, Any]:
+    """A method's options in JSON's kinds of values."""
+    return _plain(dataclasses.asdict(method))  # type: ignore[call-overload]
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(v) for v in value]
+    return value if isinstance(value, (int, float, str, bool, type(None))) else str(value)
 
 
 def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **options: Any) -> Normals:
@@ -103,7 +112,7 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
 
     Returns
     -------
-    Normals, with how far each is expected to be off where the method tells (`photonormal.solve.expected`).
+    Normals, with how far each is expected to be off where that is known (`photonormal.solve.expected`).
 
     Raises
     ------
@@ -111,8 +120,10 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
         If the method or an option does not exist, or the capture can't be solved by it.
     """
     solver = configure(method, **options)
+    from photonormal.solve.engine import on_mask, run, with_lights
+    from photonormal.solve.engine.device import torch_device
     from photonormal.solve.expected import with_expected_error
-    from photonormal.solve.inputs.grey import torch_device
 
     where = torch_device(device)
-    return with_expected_error(run(solver, capture, where), capture, method, where)
+    found = run(solver, capture, where)
+    return with_expected_error(on_mask(found, capture), found, with_lights(capture, found), solver, where)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import threading
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 
 from photonormal.solve.engine.near import seen_as_distant
-from photonormal.types import Capture, Normals
+from photonormal.solve.engine.samples import TOGETHER, row_bands
+from photonormal.types import Capture, Normals, box_of
 
 
 def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "h w 3"]:
@@ -17,21 +18,40 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
     Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1). Highlights brighten it.
     """
     capture = seen_as_distant(capture, normals)
-    N = normals.map[normals.mask]  # (p, 3)
+    solved = normals.mask[capture.mask]
+    columns = box_of(capture.mask)[1]
+    albedo = np.zeros(normals.map.shape, np.float32)
+    first = 0
+    for rows in row_bands(capture, TOGETHER // capture.images.shape[0]):
+        on = normals.mask[rows, columns]
+        N = normals.map[rows, columns][on]  # (p, 3)
+        count = int(capture.mask[rows, columns].sum())
+        here = first + np.flatnonzero(solved[first : first + count])
+        first += count
+        albedo[rows, columns][on] = _albedo(capture, N, here, (rows, columns), on)
+    return albedo
+
+
+def _albedo(
+    capture: Capture,
+    N: Float[np.ndarray, "p 3"],
+    pixels: Int[np.ndarray, " p"],
+    window: tuple[slice, slice],
+    on: Bool[np.ndarray, "h w"],
+) -> Float[np.ndarray, "p c"]:
+    """That of a window's pixels `on`, whose numbers on the mask are `pixels`."""
     if capture.lights_at is None:
         cos = N @ capture.known_lights().T.astype(np.float32)  # (p, n)
     else:
-        cos = np.einsum("pi,pni->pn", N, capture.lights_at[normals.mask[capture.mask]])
+        cos = np.einsum("pi,pni->pn", N, capture.lights_at[pixels])
     S = np.maximum(cos, 0)
     weighted = np.zeros((len(N), capture.images.shape[3]), np.float32)
     lock = threading.Lock()
 
-    def add(j: int, image: np.ndarray) -> None:
-        part = S[:, j, None] * image[normals.mask]
+    def add(j: int) -> None:
+        part = S[:, j, None] * capture.window(j, *window)[on]
         with lock:
             weighted.__iadd__(part)
 
-    capture.map_images(add)
-    albedo = np.zeros(normals.map.shape, np.float32)
-    albedo[normals.mask] = weighted / np.maximum((S**2).sum(1, keepdims=True), 1e-6)
-    return albedo
+    capture.each_image(add)
+    return weighted / np.maximum((S**2).sum(1, keepdims=True), 1e-6)

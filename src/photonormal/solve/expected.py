@@ -12,6 +12,7 @@ import json
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -19,88 +20,139 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.shading import angle_deg, cosines, over_lights, shade
+from photonormal.solve import name_of, options_of
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
+from photonormal.solve.contract import Method, Solution
 from photonormal.solve.engine.near import seen_as_distant
-from photonormal.solve.inputs.grey import blocks, grey_levels, lights_of, lit, seen_from
+from photonormal.solve.engine.samples import all_lights, bands, lights_at
+from photonormal.solve.inputs.blocks import blocks
 from photonormal.types import Capture, Normals
 
 FILE = Path(__file__).with_name("expected.json")
-EVIDENCE = (
-    "residual",  # ln: root mean square of what the Lambertian fit leaves, relative to the fit; lit samples, n.l > 0
-    "usual residual",  # ln: the same of most samples, a mean that outliers hardly move
-    "shine",  # ln: root mean square of what exceeds the fit
-    "cast shadow",  # share of the samples that the normal says are lit but are dark
-    "contradiction",  # share that the normal says are dark but are lit
-    "lit",  # share
-    "uncertainty",  # ln: error of the normal, radians, for an error of the samples as large as the samples
-    "woodham",  # ln: degrees to the least-squares normal
-    "trimmed",  # ln: degrees to the normal of the samples of middle brightness
-    "dim",  # ln: degrees to the normal of the dimmer samples
-    "slant",  # ln: n.v
-    "peak",  # ln: brightest sample over the mean lit one
-    "level",  # ln: mean lit sample, over that of the object's bright parts
-    "evenness",  # mean root over the root of the mean, of lit samples
-    "images",  # ln: their number
-    "told",  # ln: degrees that the method itself expects, or 0
-)
-OF_ALL = ("usual residual", "trimmed", "woodham", "uncertainty")  # means over the object count, too
+
+
+class Evidence(NamedTuple):
+    """What a pixel's samples say about its normal; each (p,), finite."""
+
+    residual: Tensor  # ln: root mean square of what the Lambertian fit leaves, over the fit; lit samples, n.l > 0
+    usual_residual: Tensor  # ln: the same of most samples, a mean that outliers hardly move
+    shine: Tensor  # ln: root mean square of what exceeds the fit
+    cast_shadow: Tensor  # share of the samples that the normal says are lit but are dark
+    contradiction: Tensor  # share that the normal says are dark but are lit
+    lit: Tensor  # share
+    uncertainty: Tensor  # ln: error of the normal, radians, for an error of the samples as large as the samples
+    woodham: Tensor  # ln: degrees to the least-squares normal
+    trimmed: Tensor  # ln: degrees to the normal of the samples of middle brightness
+    dim: Tensor  # ln: degrees to the normal of the dimmer samples
+    slant: Tensor  # ln: n.v
+    peak: Tensor  # ln: brightest sample over the mean lit one
+    level: Tensor  # ln: mean lit sample, over that of the object's bright parts
+    evenness: Tensor  # mean root over the root of the mean, of lit samples
+    images: Tensor  # ln: their number
+    told: Tensor  # ln: degrees that the method itself expects, or 0
+
+
+EVIDENCE = Evidence._fields
+OF_ALL = ("usual_residual", "trimmed", "woodham", "uncertainty")  # means over the object count, too
 PRODUCTS = (  # that are terms, too
-    *((name, name) for name in ("usual residual", "woodham", "trimmed", "uncertainty", "slant")),
-    ("usual residual", "trimmed"),
+    *((name, name) for name in ("usual_residual", "woodham", "trimmed", "uncertainty", "slant")),
+    ("usual_residual", "trimmed"),
     ("trimmed", "uncertainty"),
 )
 FITTED = 3, 100  # images of the scenes that calibrations were fitted to
+EVERY, SPARSEST = 2**16, 4  # pixels up to which each one's error is found; rows and columns between them at most
 PIXELS = 2**20  # whose terms are held at a time
 DIM = Trimmed(lowest=0.0, highest=0.35)
 
 
-def with_expected_error(normals: Normals, capture: Capture, method: str, device: torch.device) -> Normals:
+def with_expected_error(
+    normals: Normals, solution: Solution, capture: Capture, method: Method, device: torch.device
+) -> Normals:
     """The normals that a method found, with how far each is expected to be off.
 
-    Unchanged where a method has no calibration. `capture` is the one that was solved, or that one with its near lamps
-    evened out (`photonormal.solve.engine.near.seen_as_distant`), which saves doing it again.
+    By the method's calibration; where it has none for these options, what the method tells itself, if it does.
+    `capture` is the one that was solved, or that one with its near lamps evened out
+    (`photonormal.solve.engine.near.seen_as_distant`), which saves doing it again.
     """
-    if method not in calibrations():
-        return normals
-    F = evidence_of(seen_as_distant(capture, normals), normals, device)
-    found = calibrations()[method](F.cpu().numpy())
-    expected = np.full(normals.mask.shape, np.nan, np.float32)
-    expected[normals.mask] = found
-    return replace(normals, expected_error_deg=expected)
+    told = None if solution.told_deg is None else solution.told_deg.numpy()[normals.mask[capture.mask]]
+    calibration = calibration_of(method)
+    if calibration is None:
+        if told is None:
+            return normals
+        return replace(normals, expected_error_deg=_on_map(told, normals.mask))
+    step = grid_step(int(normals.mask.sum())) if method.needs.reads == "pixels" else 1
+    some = np.zeros_like(normals.mask)
+    some[::step, ::step] = normals.mask[::step, ::step]
+    if not some.any():
+        some, step = normals.mask, 1
+    told_map = None if told is None else _on_map(told, normals.mask)
+    F = evidence_of(seen_as_distant(capture, normals), normals, device, told_map, some)
+    found = _on_map(calibration(F.cpu().numpy()), some)
+    return replace(normals, expected_error_deg=found if step == 1 else between(found, normals.mask, step))
 
 
-def evidence_of(capture: Capture, normals: Normals, device: torch.device) -> Float[Tensor, "p k"]:
-    """`evidence` of every pixel that has a normal, block by block."""
-    solved = torch.from_numpy(normals.mask[capture.mask])
-    I = grey_levels(capture)
-    keep = lit(I)
-    L = lights_of(capture, device)
-    if not bool(solved.all()):
-        I, keep, L = I[solved], keep[solved], L if L.ndim == 2 else L[solved.to(device)]
-    N = torch.from_numpy(normals.map[normals.mask]).to(device)
-    v = to_camera(capture)[normals.mask].to(device)
-    found = [
-        evidence(I[s].to(device), keep[s].to(device), seen_from(L, s), N[s], v[s])
-        for s in blocks(I.shape[0], I.shape[1], device)
-    ]
-    F = torch.cat(found)
+def grid_step(pixels: int) -> int:
+    """Rows and columns between the pixels whose errors are found apart, so that this costs less than any method."""
+    return min(SPARSEST, int(np.ceil(np.sqrt(pixels / EVERY))))
+
+
+def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "h w"]:
+    """Errors of all pixels of the mask from those of a grid: the nearest known one's, smoothed over the grid."""
+    import cv2
+    from scipy.ndimage import distance_transform_edt
+
+    small = found[::step, ::step]
+    nearest: Any = distance_transform_edt(np.isnan(small), return_distances=False, return_indices=True)
+    logs = np.log(small[tuple(nearest)]).astype(np.float32)
+    h, w = mask.shape
+    y, x = np.mgrid[:h, :w].astype(np.float32) / step
+    full = np.exp(cv2.remap(logs, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+    return np.where(mask, full, np.nan).astype(np.float32)
+
+
+def _on_map(values: Float[np.ndarray, " p"], mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    found = np.full(mask.shape, np.nan, np.float32)
+    found[mask] = values
+    return found
+
+
+def evidence_of(
+    capture: Capture,
+    normals: Normals,
+    device: torch.device,
+    told_deg: Float[np.ndarray, "h w"] | None = None,
+    some: Bool[np.ndarray, "h w"] | None = None,
+) -> Float[Tensor, "p k"]:
+    """`Evidence` of every pixel that has a normal, or of some of them, and what the method tells itself."""
+    some = normals.mask if some is None else some
+    chosen = some[capture.mask]
+    L = all_lights(capture, device, torch.float32)
+    N, v = torch.from_numpy(normals.map[some]).to(device), to_camera(capture, some).to(device)
+    parts, done = [], 0
+    for I, first, levels, _ in bands(capture, L):
+        here = np.flatnonzero(chosen[first : first + len(I)])
+        I = levels.cut_(I[torch.from_numpy(here)])
+        for s in blocks(I.shape[0], I.shape[1], device):
+            block = I[s].to(device)
+            lights = lights_at(capture, first + here[s], device) if L is None else L
+            at = slice(done, done + len(block))
+            parts.append(torch.stack(evidence(block, levels.lit(block), lights, N[at], v[at]), dim=1))
+            done += len(block)
+    F = torch.nan_to_num(torch.cat(parts))
     level = F[:, EVIDENCE.index("level")]
     bright = np.quantile(level.cpu().numpy(), 0.9)
     level.copy_((level - bright).clamp(min=np.log(1e-2)))
-    if normals.expected_error_deg is not None:
-        told = torch.from_numpy(normals.expected_error_deg[normals.mask]).to(F)
-        F[:, EVIDENCE.index("told")] = logarithm(told, 0.1)
+    if told_deg is not None:
+        F[:, EVIDENCE.index("told")] = logarithm(torch.from_numpy(told_deg[some]).to(F), 0.1)
     return F
 
 
-def to_camera(capture: Capture) -> Float[Tensor, "h w 3"]:
-    """Unit vectors from each pixel's surface to the camera."""
-    h, w = capture.mask.shape
-    v = torch.tensor([0.0, 0.0, 1.0]).expand(h, w, 3)
+def to_camera(capture: Capture, some: Bool[np.ndarray, "h w"]) -> Float[Tensor, "p 3"]:
+    """Unit vectors to the camera from the surface of some pixels."""
     if capture.camera is None or capture.camera.K is None:
-        return v
-    rays = torch.from_numpy(-capture.camera.rays(h, w)).float()
+        return torch.tensor([0.0, 0.0, 1.0]).expand(int(some.sum()), 3)
+    rays = torch.from_numpy(-capture.camera.rays(*some.shape)[some]).float()
     return rays / rays.norm(dim=-1, keepdim=True)
 
 
@@ -110,8 +162,8 @@ def evidence(
     L: Float[Tensor, "*l n 3"],
     N: Float[Tensor, "p 3"],
     v: Float[Tensor, "p 3"],
-) -> Float[Tensor, "p k"]:
-    """The numbers that EVIDENCE names, from the samples to `keep` and the unit normals found; finite, whatever came."""
+) -> Evidence:
+    """From the samples to `keep` and the unit normals found."""
     cos = cosines(N, L)
     S = shade(1.0, cos)
     use = (keep & (cos > 0)).to(I.dtype)
@@ -126,24 +178,24 @@ def evidence(
     shine = ((use * r.clamp(min=0) ** 2).sum(1) / free).sqrt()
     lit_count = keep.to(I.dtype).sum(1).clamp(min=1)
     mean = (I * keep).sum(1) / lit_count
-    others = [Woodham().normals(I, L), Trimmed().fit(I, keep, L), DIM.fit(I, keep, L)]
-    numbers = [
-        logarithm(residual, 1e-3).clamp(max=2),
-        logarithm(usual, 1e-3).clamp(max=2),
-        logarithm(shine, 1e-3).clamp(max=2),
-        (~keep & (cos > 0.1)).to(I.dtype).mean(1),
-        (keep & (cos <= 0)).to(I.dtype).mean(1),
-        keep.to(I.dtype).mean(1),
-        uncertainty(use, L, N).log(),
-        *(logarithm(angle_deg(N, other), 0.1) for other in others),
-        logarithm((N * v).sum(1), 0.05),
-        logarithm(I.amax(1) / mean.clamp(min=1e-9), 1.0).clamp(max=4),
-        logarithm(mean, 1e-9),
-        (I * keep).sqrt().sum(1) / lit_count / mean.clamp(min=1e-9).sqrt(),
-        torch.full_like(mean, I.shape[1]).log(),
-        torch.zeros_like(mean),
-    ]
-    return torch.nan_to_num(torch.stack(numbers, dim=1))
+    return Evidence(
+        residual=logarithm(residual, 1e-3).clamp(max=2),
+        usual_residual=logarithm(usual, 1e-3).clamp(max=2),
+        shine=logarithm(shine, 1e-3).clamp(max=2),
+        cast_shadow=(~keep & (cos > 0.1)).to(I.dtype).mean(1),
+        contradiction=(keep & (cos <= 0)).to(I.dtype).mean(1),
+        lit=keep.to(I.dtype).mean(1),
+        uncertainty=uncertainty(use, L, N).log(),
+        woodham=logarithm(angle_deg(N, Woodham().normals(I, L)), 0.1),
+        trimmed=logarithm(angle_deg(N, Trimmed().fit(I, keep, L)), 0.1),
+        dim=logarithm(angle_deg(N, DIM.fit(I, keep, L)), 0.1),
+        slant=logarithm((N * v).sum(1), 0.05),
+        peak=logarithm(I.amax(1) / mean.clamp(min=1e-9), 1.0).clamp(max=4),
+        level=logarithm(mean, 1e-9),
+        evenness=(I * keep).sqrt().sum(1) / lit_count / mean.clamp(min=1e-9).sqrt(),
+        images=torch.full_like(mean, I.shape[1]).log(),
+        told=torch.zeros_like(mean),
+    )
 
 
 def logarithm(x: Float[Tensor, " p"], least: float) -> Float[Tensor, " p"]:
@@ -206,10 +258,42 @@ def linear(T: Float[np.ndarray, "p t"], weights: Float[np.ndarray, " t1"]) -> Fl
     return np.clip(weights[0] + T @ weights[1:], -8, np.log(90))
 
 
+@dataclass(frozen=True)
+class MadeFor:
+    """What a calibration holds for: a method with these options, and weights."""
+
+    options: dict[str, Any]
+    weights_sha256: str | None
+
+    @staticmethod
+    def of(method: Method) -> MadeFor:
+        """A method as it is."""
+        return MadeFor(options_of(method), getattr(method, "weights_sha256", None))
+
+
+def calibration_of(method: Method) -> Calibration | None:
+    """The calibration of a method; None where there is none for its options and weights."""
+    name = name_of(method)
+    if name not in calibrations() or made_for()[name] != MadeFor.of(method):
+        return None
+    return calibrations()[name]
+
+
+@cache
+def _stored() -> dict[str, dict[str, Any]]:
+    return json.loads(FILE.read_text())["methods"]
+
+
 @cache
 def calibrations() -> dict[str, Calibration]:
     """By method, as FILE has them."""
-    stored = json.loads(FILE.read_text())["methods"]
     return {
-        name: Calibration(**{key: np.array(value, float) for key, value in one.items()}) for name, one in stored.items()
+        name: Calibration(*(np.array(one[key], float) for key in ("images", "weights", "curve")))
+        for name, one in _stored().items()
     }
+
+
+@cache
+def made_for() -> dict[str, MadeFor]:
+    """By method, what its calibration holds for."""
+    return {name: MadeFor(**one["made_for"]) for name, one in _stored().items()}

@@ -21,6 +21,7 @@ import torch
 import photonormal
 from photonormal.disk import at_once, refuse_taken
 from photonormal.options import Count, Positive, Precision, check_value
+from photonormal.solve.engine.prior import prior_named
 from photonormal.solve.learned.network import Network, placed
 from photonormal.solve.learned.processor import computing_in, keep_freed_memory, number_format
 from photonormal.solve.learned.weights import build, checksum, load
@@ -90,6 +91,9 @@ def train(
     out, steps = Path(out), recipe.steps if steps is None else steps
     check_value(steps, Count, "steps")
     check_value(minutes, Positive | None, "minutes")
+    for prior, _ in recipe.priors:
+        if prior != "truth":
+            prior_named(prior)
     keep_freed_memory()
     disk = Disk(data, recipe) if data else None
     recipe = replace(recipe, reuse=1) if disk else recipe
@@ -259,7 +263,7 @@ def launched(device: str, precision: Precision, changing: bool = False) -> Any:
             from lightning.fabric import Fabric  # type: ignore[import-not-found]
         except ImportError:
             raise InputError("training needs Lightning Fabric; install it: pip install 'photonormal[train]'.") from None
-    from photonormal.solve.inputs.grey import torch_device
+    from photonormal.solve.engine.device import torch_device
 
     kind = torch_device(device).type
     processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))

@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from photonormal.solve import method_class
-from photonormal.solve.learned.network import grey, moment, scaled
+from photonormal.solve.engine.prior import prior_named
+from photonormal.solve.inputs.grey import grey
+from photonormal.solve.inputs.scaling import moment, scaled
 from photonormal.train.recipes import Recipe
 
 TILT_DEG = 30.0  # of the prior that is made from the truth
@@ -77,7 +78,9 @@ def prior_normals(
         N = tilted(normals, draw)
     else:
         I = grey(images)[:, :, 0].flatten(2).mT  # (b, p, k)
-        N = method_class(name)().normals(I, lights).mT.unflatten(2, mask.shape[2:])
+        prior = prior_named(name)
+        assert prior is not None
+        N = prior.normals(I, lights).mT.unflatten(2, mask.shape[2:])
     return N * mask
 
 

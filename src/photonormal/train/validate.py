@@ -15,7 +15,8 @@ from torch import Tensor
 from photonormal.capture import load
 from photonormal.score import score
 from photonormal.shading import angle_deg
-from photonormal.solve.learned.measure import measure
+from photonormal.solve.engine import on_mask
+from photonormal.solve.engine.stream import measured
 from photonormal.solve.learned.network import Network
 from photonormal.solve.learned.processor import inner_precision
 from photonormal.train.observe import observe
@@ -76,6 +77,7 @@ def on_real(net: Network, device: torch.device, passes: int = 1) -> dict[str, fl
     for name in objects:
         capture = load(folder / f"{name}PNG")  # type: ignore[operator]
         if capture.truth is not None:
-            found[name] = score(measure(net, capture, device, passes=passes), capture.truth).mean_deg
+            normals = on_mask(measured(net, capture, device, passes=passes), capture)
+            found[name] = score(normals, capture.truth).mean_deg
     net.train()
     return found | ({"mean": float(np.mean(list(found.values())))} if found else {})

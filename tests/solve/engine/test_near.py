@@ -82,7 +82,7 @@ def test_evened_pictures_hold_no_fall_off():
     X, _ = bump(ORTHOGRAPHIC, 32)
     seen = near.evened(capture, X.reshape(-1, 3))
     assert seen.lights_at is not None
-    cos = np.einsum("pi,pni->np", capture.truth.map.reshape(-1, 3), seen.lights_at)
+    cos = np.einsum("pi,pni->np", capture.truth.map.reshape(-1, 3), seen.lights_at[:])
     rho = 0.4 + 0.2 * np.sin(X[..., 0] / 3)
     for j in range(13):
         np.testing.assert_allclose(seen.images[j][..., 0].ravel(), rho.ravel() * cos[j].clip(0), atol=1e-5)

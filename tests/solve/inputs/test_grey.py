@@ -1,23 +1,15 @@
-"""Grey levels, the shadow threshold and blocks of pixels."""
+"""Grey levels and what they are told by."""
 
 import numpy as np
 import pytest
 import torch
 
-from photonormal import Capture, InputError
+from photonormal import Capture
 from photonormal.geometry import fibonacci_hemisphere
-from photonormal.solve.inputs import grey as observations
-from photonormal.solve.inputs.grey import (
-    at_least,
-    blocks,
-    grey_levels,
-    level,
-    lit,
-    metallic,
-    per_pixel,
-    some_pixels,
-    torch_device,
-)
+from photonormal.solve.engine.samples import grey_levels
+from photonormal.solve.inputs import grey
+from photonormal.solve.inputs.blocks import some_pixels
+from photonormal.solve.inputs.grey import Levels, level, lit, metallic
 
 LIGHTS = fibonacci_hemisphere(24)[:8]
 
@@ -27,25 +19,31 @@ def capture(values: np.ndarray) -> Capture:
     return Capture(values.T[:, None, :, None].astype(np.float32), np.ones((1, len(values)), bool), LIGHTS)
 
 
+def cut(values: np.ndarray) -> torch.Tensor:
+    I = grey_levels(capture(values))
+    return Levels.of(I).cut_(I)
+
+
 def test_grey_is_the_luma_of_linear_colours():
     images = np.zeros((8, 1, 3, 3), np.float32)
     images[:, 0, 0, 0] = images[:, 0, 1, 1] = images[:, 0, 2, 2] = 1
-    grey = grey_levels(Capture(images, np.ones((1, 3), bool), LIGHTS))
-    assert grey[:, 0].tolist() == pytest.approx([0.298936, 0.587043, 0.114021])
+    levels = grey_levels(Capture(images, np.ones((1, 3), bool), LIGHTS))
+    assert levels[:, 0].tolist() == pytest.approx([0.298936, 0.587043, 0.114021])
 
 
 def test_samples_that_are_no_number_count_as_dark():
     values = np.full((4, 8), 0.5)
     values[0, 0], values[1, 1], values[2, 2], values[3, 3] = np.nan, np.inf, -np.inf, -0.1
-    assert grey_levels(capture(values)).diagonal().tolist() == [0, 0, 0, 0]
+    I = grey_levels(capture(values))
+    assert Levels.of(I).cut_(I).diagonal().tolist() == [0, 0, 0, 0]
 
 
 def test_highlights_are_clipped_at_one_but_bright_captures_are_not_flattened():
     values = np.random.default_rng(0).uniform(0.1, 0.5, (200, 8))
     values[0, 0] = 3
-    assert grey_levels(capture(values))[0, 0] == 1
-    assert grey_levels(capture(values), clip=False)[0, 0] == 3
-    brighter = grey_levels(capture(20 * values))
+    assert cut(values)[0, 0] == 1
+    assert grey_levels(capture(values))[0, 0] == 3
+    brighter = cut(20 * values)
     assert (brighter / 20 - torch.from_numpy(values).float()).abs()[1:].quantile(0.98) < 1e-6
 
 
@@ -77,28 +75,11 @@ def test_each_capture_of_a_batch_has_its_own_threshold():
 
 
 def test_the_order_of_images_changes_no_level_of_a_large_capture(monkeypatch):
-    monkeypatch.setattr(observations, "READ", 100)
+    monkeypatch.setattr(grey, "READ", 100)
     I = torch.rand(500, 8) * torch.arange(8)
     assert level(I, 0.9) == level(I.flip(-1), 0.9)
-
-
-def test_blocks_cover_every_pixel_once(monkeypatch):
-    monkeypatch.setitem(observations.BLOCK, "cpu", 40)
-    assert [range(103)[s] for s in blocks(103, 8, torch.device("cpu"))][-1] == range(100, 103)
-    values = np.random.default_rng(0).uniform(0.1, 0.9, (103, 8))
-    normals = per_pixel(lambda I, L: torch.nn.functional.normalize(I @ L, dim=-1), capture(values), torch.device("cpu"),
-                        torch.float64)  # fmt: skip
-    whole = torch.nn.functional.normalize(torch.from_numpy(values).float().double() @ torch.from_numpy(LIGHTS), dim=-1)
-    assert np.allclose(normals.map[0], whole.numpy(), atol=1e-6)
 
 
 def test_some_pixels_are_the_same_each_time():
     assert torch.equal(some_pixels(1000, 10), some_pixels(1000, 10))
     assert some_pixels(5, 10).tolist() == [0, 1, 2, 3, 4]
-
-
-def test_errors_say_what_to_do():
-    with pytest.raises(InputError, match=r"no device 'warp'; use auto, cpu or cuda\."):
-        torch_device("warp")
-    with pytest.raises(InputError, match=r"8 images came but table needs 10 or more lights; add photographs"):
-        at_least(10, capture(np.ones((4, 8))), "table")

@@ -13,8 +13,8 @@ from torch import Tensor
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.ransac import Ransac
 from photonormal.solve.classical.refine import Refinement
-from photonormal.solve.inputs.grey import blocks, every_pixel, grey_levels, lights_of, lit, on_mask, some_pixels
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Observations
+from photonormal.solve.inputs.blocks import blocks, every_pixel, some_pixels
 
 
 @runtime_checkable
@@ -55,15 +55,13 @@ class Alternation:
     metal: Monotonic = field(default=Monotonic())
     refinement: Refinement = field(default=Refinement())
 
-    def __call__(self, first: Callable[[Tensor], Reflectance], capture: Capture, device: torch.device) -> Normals:
-        """Normals of a capture; `first` maps lights to the reflectance to begin with."""
-        I = grey_levels(capture)  # (p, n)
-        keep = lit(I)
-        L = lights_of(capture, device)
+    def __call__(self, first: Callable[[Tensor], Reflectance], seen: Observations) -> Float[Tensor, "p 3"]:
+        """Normals of an object; `first` maps lights to the reflectance to begin with."""
+        I, keep, L = seen.I, seen.keep, seen.lights
         (n, loss), (n_metal, loss_metal) = (
             self.refine(first(L), I, keep, L, every_pixel(start.fit, I, keep, L)) for start in (self.matt, self.metal)
         )
-        return on_mask(torch.where(loss_metal < loss, n_metal, n).cpu(), capture)
+        return torch.where(loss_metal < loss, n_metal, n)
 
     def refine(
         self,

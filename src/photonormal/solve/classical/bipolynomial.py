@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Degree, NotNegative, Whole
-from photonormal.shading import cosines, half_vectors, over_lights
+from photonormal.shading import cosines, half_vectors, normalised, over_lights
 from photonormal.solve.classical.monotonic import Monotonic
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse, symmetric_product
-from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,11 @@ class Bipolynomial:
     metal: Monotonic = field(default=Monotonic())
     rounds: Whole = 6
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(6, capture, "bipolynomial")
-        return per_lit_pixel(self.fit, capture, device, torch.float64, metal=self.fit_metal)
+    needs: ClassVar[Needs] = Needs(images=6, double=True)
+
+    def __call__(self, seen: Observations) -> Solution:
+        fit = self.fit_metal if seen.metallic() else self.fit
+        return Solution(fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

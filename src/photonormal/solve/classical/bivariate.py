@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import comb
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Degree, NotNegative, Positive, Whole
-from photonormal.shading import cosines, half_vectors, over_lights
+from photonormal.shading import cosines, half_vectors, normalised, over_lights
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
 from photonormal.solve.classical.trimmed import Trimmed
 from photonormal.solve.classical.woodham import pairs, symmetric_inverse
-from photonormal.solve.inputs.grey import ascending_order, at_least, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.grey import ascending_order
 
 SIX_TO_NINE = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # xx xy xz yy yz zz -> 3 x 3
 TINY = 1e-7
@@ -52,9 +53,11 @@ class Bivariate:
     bend_half: NotNegative = 1e-4
     spread_half: Positive = 0.015
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(6, capture, "bivariate")
-        return per_lit_pixel(self.fit, capture, device, torch.float64, metal=self.fit_metal)
+    needs: ClassVar[Needs] = Needs(images=6, double=True)
+
+    def __call__(self, seen: Observations) -> Solution:
+        fit = self.fit_metal if seen.metallic() else self.fit
+        return Solution(fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -12,10 +13,10 @@ from torch import Tensor
 
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.options import Angle, Effort, NotNegative, Positive
-from photonormal.shading import over_lights
+from photonormal.shading import normalised, over_lights
 from photonormal.solve.classical.triplets import by_direction
-from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel, seen_from
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.blocks import seen_from
 
 TOGETHER, ALONE = 512, 16  # pixels voted on at a time; where each sees the lights elsewhere
 
@@ -46,9 +47,10 @@ class Consensus:
     visible: Positive = 2.5
     tie: NotNegative = 0.003
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(6, capture, "consensus")
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs(images=6)
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Effort, Positive
-from photonormal.shading import cosines
+from photonormal.shading import cosines, normalised
 from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.inputs.grey import at_least, lit, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.grey import lit
 
 
 @dataclass(frozen=True)
@@ -30,9 +31,10 @@ class L1:
     steps: Effort = 30
     smallest: Positive = 1e-4
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(4, capture, "l1")
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs(images=4)
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Effort, Seed
+from photonormal.shading import normalised
 from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
 from photonormal.solve.classical.woodham import scaled_normals
-from photonormal.solve.inputs.grey import normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
 
 
 @dataclass(frozen=True)
@@ -30,8 +31,10 @@ class Median:
     triplets: Effort = 300
     seed: Seed = 0
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs()
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from math import radians
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Angle, NotNegative, Share
-from photonormal.shading import cosines, half_vectors
+from photonormal.shading import cosines, half_vectors, normalised
 from photonormal.solve.classical.bivariate import Bivariate
-from photonormal.solve.inputs.grey import ascending_order, at_least, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.grey import ascending_order
 
 
 @dataclass(frozen=True)
@@ -39,9 +40,10 @@ class Monotonic:
     least_cosine: Share = 0.1
     grid_deg: Angle = 3.0
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(6, capture, "monotonic")
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs(images=6)
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Effort, Positive, Seed, Whole
-from photonormal.shading import cosines
+from photonormal.shading import cosines, normalised
 from photonormal.solve.classical.triplets import conditioned_triplets, hypotheses
 from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,10 @@ class Ransac:
     refits: Whole = 3
     seed: Seed = 0
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(4, capture, "ransac")
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs(images=4)
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

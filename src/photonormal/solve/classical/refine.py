@@ -9,8 +9,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.shading import normalised
 from photonormal.solve.classical.woodham import symmetric_inverse, symmetric_product
-from photonormal.solve.inputs.grey import normalised
 
 TURN = 2e-3  # radians by which normals are turned to see how a prediction changes
 

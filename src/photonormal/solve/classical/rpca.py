@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Effort, Positive
+from photonormal.shading import normalised
 from photonormal.solve.classical.woodham import scaled_normals
-from photonormal.solve.inputs.grey import at_least, grey_levels, lights_of, lit, normalised, on_mask
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.grey import lit
 
 
 @dataclass(frozen=True)
@@ -36,10 +38,10 @@ class RPCA:
     tolerance: Positive = 1e-4
     steps: Effort = 60
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(4, capture, "rpca")
-        I = grey_levels(capture).to(device)  # (p, n)
-        return on_mask(self.normals(I, lights_of(capture, device)).cpu(), capture)
+    needs: ClassVar[Needs] = Needs(images=4, reads="object")
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.normals(seen.I.to(seen.lights), seen.lights))
 
     def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""

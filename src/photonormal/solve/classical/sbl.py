@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Effort, Positive
-from photonormal.shading import cosines, over_lights
+from photonormal.shading import cosines, normalised, over_lights
 from photonormal.solve.classical.woodham import pairs, scaled_normals, symmetric_inverse, symmetric_product
-from photonormal.solve.inputs.grey import at_least, normalised, per_lit_pixel
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,10 @@ class SBL:
     noise: Positive = 1e-4
     steps: Effort = 40
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(4, capture, "sbl")
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs(images=4)
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def fit(
         self, I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import pi
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
@@ -13,8 +14,7 @@ from torch import Tensor
 from photonormal.options import Effort
 from photonormal.shading import cosines, half_vectors, shade
 from photonormal.solve.classical.alternation import Alternation
-from photonormal.solve.inputs.grey import at_least
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,10 @@ class Table:
     smooth: tuple[float, float] = (0.7, 0.8)
     alternation: Alternation = field(default=Alternation(sample=6000, rounds=4))
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(10, capture, "table")
-        return self.alternation(self.flat, capture, device)
+    needs: ClassVar[Needs] = Needs(images=10, reads="object")
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.alternation(self.flat, seen))
 
     def flat(self, L: Float[Tensor, "*l n 3"]) -> Tabulated:
         """The table of a matt object."""

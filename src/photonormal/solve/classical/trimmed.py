@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.options import Effort, Share
+from photonormal.shading import normalised
 from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.inputs.grey import ascending, lit, normalised, per_lit_pixel
-from photonormal.types import Capture, InputError, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.grey import ascending, lit
+from photonormal.types import InputError
 
 
 @dataclass(frozen=True)
@@ -36,8 +39,10 @@ class Trimmed:
                 f"a window of ranks from lowest={self.lowest} to highest={self.highest} is empty; give a higher end."
             )
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        return per_lit_pixel(self.fit, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs()
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
     def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights; leading batch dimensions are allowed."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import pi
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
@@ -13,8 +14,8 @@ from torch import Tensor
 from photonormal.shading import cosines, half_vectors, shade
 from photonormal.solve.classical.alternation import Alternation
 from photonormal.solve.classical.nonnegative import nonnegative_minimum
-from photonormal.solve.inputs.grey import at_least, seen_from
-from photonormal.types import Capture, Normals
+from photonormal.solve.contract import Needs, Observations, Solution
+from photonormal.solve.inputs.blocks import seen_from
 
 DESCENT = 30  # steps of fitting the materials
 SPREAD = 0.1  # residual beyond which a sample loses weight in that
@@ -39,9 +40,10 @@ class Ward:
     roughness: tuple[float, ...] = (0.15, 0.4)
     alternation: Alternation = field(default=Alternation(sample=400, rounds=3))
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        at_least(10, capture, "ward")
-        return self.alternation(self.materials, capture, device)
+    needs: ClassVar[Needs] = Needs(images=10, reads="object", optimises=True)
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.alternation(self.materials, seen))
 
     def materials(self, L: Float[Tensor, "*l n 3"]) -> Materials:
         """The materials to start from."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.shading import over_lights
-from photonormal.solve.inputs.grey import normalised, per_pixel
-from photonormal.types import Capture, Normals
+from photonormal.shading import normalised, over_lights
+from photonormal.solve.contract import Needs, Observations, Solution
 
 SINGULAR = 1e-6  # relative determinant below which the samples of a pixel do not fix a normal
 
@@ -22,8 +22,10 @@ class Woodham:
     Highlights pull the normal towards the half vector, shadows push it away from the dark side. Needs 3 lights.
     """
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        return per_pixel(self.normals, capture, device, torch.float32)
+    needs: ClassVar[Needs] = Needs()
+
+    def __call__(self, seen: Observations) -> Solution:
+        return Solution(self.normals(seen.I, seen.lights))
 
     def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
         """Unit normals from grey levels and lights, as `photonormal.shading` has them; batches are allowed."""

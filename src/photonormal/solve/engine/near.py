@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,7 +12,9 @@ from jaxtyping import Float
 
 from photonormal.integrate import integrate
 from photonormal.shading import FAINT, fall_off, towards
-from photonormal.types import Camera, Capture, Image, Images, InputError, Lamps, Normals
+from photonormal.solve.contract import Solution
+from photonormal.solve.engine import on_mask
+from photonormal.types import Camera, Capture, Image, Images, InputError, Lamps, LightsAt, Normals, window_of
 
 
 @dataclass(frozen=True)
@@ -25,39 +28,37 @@ class Near:
 
     Parameters
     ----------
-    method : any
+    solve : gives what a method finds under lights that differ from pixel to pixel
     rounds : of normals, then depth, at most
     settled : root mean square of the surface's last move, relative to the lamps' mean distance, at which to stop
     """
 
-    method: Callable[[Capture, torch.device], Normals]
+    solve: Callable[[Capture], Solution]
     rounds: int = 10
     settled: float = 1e-4
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
+    def __call__(self, capture: Capture) -> Solution:
         lamps, camera = near(capture)
         X = camera.flat_mm(capture.mask)
         still_mm = self.settled * mean_distance(lamps, X)
-        normals = self.normals(capture, X, device)
+        found = self.at(capture, X)
         for _ in range(self.rounds - 1):
-            before, X = X, surface_mm(capture, normals)
+            before, X = X, surface_mm(capture, on_mask(found, capture))
             if np.sqrt(((X - before) ** 2).sum(-1).mean()) < still_mm:
                 break
-            normals = self.normals(capture, X, device)
-        return normals
+            found = self.at(capture, X)
+        return found
 
-    def normals(self, capture: Capture, X: Float[np.ndarray, "p 3"], device: torch.device) -> Normals:
-        """Normals by the method if the surface were at `X`."""
+    def at(self, capture: Capture, X: Float[np.ndarray, "p 3"]) -> Solution:
+        """What the method finds if the surface were at `X`."""
         seen = evened(capture, X)
         _, camera = near(capture)
         if camera.K is None:
-            return self.method(seen, device)
+            return self.solve(seen)
         R = turns(-camera.rays(*capture.mask.shape)[capture.mask]).astype(np.float32)  # (p, 3, 3)
         assert seen.lights_at is not None
-        found = self.method(replace(seen, lights_at=seen.lights_at @ R.swapaxes(1, 2)), device)
-        back = np.zeros_like(found.map)
-        back[capture.mask] = (found.map[capture.mask][:, None] @ R)[:, 0]
-        return replace(found, map=back)
+        found = self.solve(replace(seen, lights_at=Turned(seen.lights_at, R)))
+        return replace(found, normals=(found.normals[:, None] @ torch.from_numpy(R))[:, 0])
 
 
 def near(capture: Capture) -> tuple[Lamps, Camera]:
@@ -88,13 +89,8 @@ def evened(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:
     """
     lamps, camera = near(capture)
     arriving = Arriving(lamps, X, mean_distance(lamps, camera.flat_mm(capture.mask)))
-    n = capture.images.shape[0]
-    lights_at = np.empty((len(X), n, 3), np.float32)
-    for j in range(n):
-        lights_at[:, j] = arriving.from_lamp(j)[0]
-    return replace(
-        capture, images=Evened(capture.images, capture.mask, arriving), lamps=None, lights_at=lights_at, saturation=None
-    )
+    images = Evened(capture.images, capture.mask, arriving)
+    return replace(capture, images=images, lamps=None, lights_at=arriving, saturation=None)
 
 
 def mean_distance(lamps: Lamps, X: Float[np.ndarray, "p 3"]) -> float:
@@ -111,31 +107,47 @@ class Arriving:
             torch.from_numpy(v).float() for v in (lamps.positions_mm, lamps.axes, lamps.mu)
         )  # (n, 3), (n, 3), (n,)
 
-    def from_lamp(self, j: int) -> tuple[Float[np.ndarray, "p 3"], Float[np.ndarray, " p"]]:
-        """Unit vectors to the lamp, and its light."""
+    def __getitem__(self, pixels: Any, /) -> Float[np.ndarray, "q n 3"]:
+        """Unit vectors to all lamps from some of the points."""
+        return towards(self.X[pixels], self.S)[0].numpy()
+
+    def light(self, j: int, pixels: Any) -> Float[np.ndarray, " q"]:
+        """What arrives from one lamp at some of the points."""
         one = slice(j, j + 1)
-        L, r = towards(self.X, self.S[one])
-        e = self.r0**2 * fall_off(L, r, self.axes[one], self.mu[one])
-        return L[:, 0].numpy(), e[:, 0].numpy()
+        L, r = towards(self.X[pixels], self.S[one])
+        return (self.r0**2 * fall_off(L, r, self.axes[one], self.mu[one]))[:, 0].numpy()
 
 
 @dataclass(frozen=True)
+class Turned:
+    """Lights as some pixels see them, each in its own frame."""
+
+    lights: LightsAt
+    R: Float[np.ndarray, "p 3 3"]
+
+    def __getitem__(self, pixels: Any, /) -> Float[np.ndarray, "q n 3"]:
+        return self.lights[pixels] @ self.R[pixels].swapaxes(1, 2)
+
+
 class Evened:
-    """Pictures divided by the light that arrives, one by one (`photonormal.types.Images`); zero where none does."""
+    """Pictures divided by the light that arrives (`photonormal.types.Images`); zero where none does."""
 
-    images: Images
-    mask: np.ndarray
-    arriving: Arriving
+    def __init__(self, images: Images, mask: np.ndarray, arriving: Arriving):
+        self.mask, self.arriving, self.shape = mask, arriving, images.shape
+        self.images = images
+        self.number = np.cumsum(mask, dtype=np.int64).reshape(mask.shape) - 1  # of each pixel on the mask
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        return self.images.shape
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of one picture."""
+        inside = self.mask[rows, columns]
+        part = window_of(self.images, j, rows, columns)
+        e = self.arriving.light(j, self.number[rows, columns][inside])
+        found = np.zeros(part.shape, np.float32)
+        found[inside] = part[inside] * np.where(e > FAINT, 1 / np.maximum(e, FAINT), 0)[:, None]
+        return found
 
     def __getitem__(self, j: int, /) -> Image:
-        _, e = self.arriving.from_lamp(j)
-        image = np.zeros(self.images.shape[1:], np.float32)
-        image[self.mask] = self.images[j][self.mask] * np.where(e > FAINT, 1 / np.maximum(e, FAINT), 0)[:, None]
-        return image
+        return self.window(j, slice(None), slice(None))
 
 
 def turns(v: Float[np.ndarray, "p 3"]) -> Float[np.ndarray, "p 3 3"]:

@@ -18,12 +18,11 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from photonormal.solve.learned.layers import Block, conv, deconv, kaiming, unit
-from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled, pool
 from photonormal.solve.learned.weights import load
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import InputError
 
 LADDERS = {3: (1, 1, 1), 5: (2, 2, 1), 6: (2, 2, 2), 7: (2, 2, 3)}  # blocks at full, half and quarter resolution
 
@@ -181,6 +180,7 @@ class LambertianPrior(Learned):
 
     prior: str = ""
     name = "lambertian-prior"
+    passes = 1
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        return measure(load(self.file, self.name), capture, device, self.rotations, prior=self.prior or None)
+    def network(self) -> Network:
+        return load(self.file, self.name)

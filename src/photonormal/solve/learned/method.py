@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-import torch
-
 from photonormal.options import Rotations
+from photonormal.solve.contract import Needs
+from photonormal.solve.learned.network import Network
 from photonormal.solve.learned.weights import checksum, shipped
-from photonormal.types import Capture, Normals
 
 
 @dataclass(frozen=True)
@@ -27,9 +26,11 @@ class Learned(ABC):
     weights: str = ""
     rotations: Rotations = 1
     name: ClassVar[str]  # in METHODS, and of the weights that come with the package
+    needs: ClassVar[Needs] = Needs(reads="stream")
 
     @abstractmethod
-    def __call__(self, capture: Capture, device: torch.device) -> Normals: ...
+    def network(self) -> Network:
+        """The network with its weights."""
 
     @property
     def file(self) -> Path:

@@ -6,18 +6,20 @@ Training calls the network on a batch; measuring feeds the same three steps imag
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 from torch import Tensor, nn
 
-from photonormal.shading import LUMA
-from photonormal.solve.learned.pooling import Pooled
 
-MEAN = 0.25  # mean of an object's pixels after scaling by its exposure; highlights are cut at CUT
-CUT = 2.0
-CUT_RMS = 6.0  # highlights of a pixel are cut at this multiple of its root mean square over the images
+@runtime_checkable
+class Pool(Protocol):
+    """What a network remembers of the images it has seen; `learned.pooling.Pooled` is one kind."""
+
+    def merged(self, other: Any, /) -> Any:
+        """This and what other images gave, in any order; may overwrite this one."""
+        ...
 
 
 class Network(nn.Module, ABC):
@@ -53,10 +55,10 @@ class Network(nn.Module, ABC):
         """
 
     @abstractmethod
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pool:
         """The pooled features of k scaled images: some of the n, or all."""
 
-    def digest(self, pooled: Pooled, n: int, shared: Any) -> Any:
+    def digest(self, pooled: Any, n: int, shared: Any) -> Any:
         """What is looked at of the pooled features of all n images: rows (b, h, w, ...) where `pointwise`."""
         return pooled
 
@@ -64,7 +66,7 @@ class Network(nn.Module, ABC):
     def look(self, digested: Any, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         """Unit normals, `memory` channels, and from a network that has learned it the expected error in degrees."""
 
-    def decode(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+    def decode(self, pooled: Any, n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         """What `look` gives, from the pooled features of all n images."""
         return self.look(self.digest(pooled, n, shared), n, shared)
 
@@ -90,46 +92,9 @@ class Network(nn.Module, ABC):
         return torch.cat(found) if passes > 1 else found[0]
 
 
-def moment(scaling: str, images: Float[Tensor, "b k c h w"], mask: Bool[Tensor, "b 1 h w"]) -> Float[Tensor, "b d i j"]:
-    """What `scaled` needs to know of k images; moments of further images are added to it."""
-    if scaling == "exposure":
-        inside = images * mask[:, None]  # (b, k, c, h, w)
-        return inside.sum((1, 2, 3, 4))[:, None, None, None] / (mask.sum((1, 2, 3), keepdim=True) * images.shape[2])
-    if scaling == "grey":
-        images = grey(images)
-    return images.square().sum(1)
-
-
-def scaled(
-    scaling: str,
-    images: Float[Tensor, "b k c h w"],
-    mask: Bool[Tensor, "b 1 h w"],
-    moments: Float[Tensor, "b d i j"],
-    n: int,
-) -> Float[Tensor, "b k e h w"]:
-    """Images as the network reads them: free of exposure, highlights cut, zero outside the mask.
-
-    `moments` is the sum of `moment` over all n images.
-    """
-    if scaling == "exposure":
-        images, scale, cut = MEAN * images, moments / n, CUT  # (b, 1, 1, 1)
-    else:
-        images = grey(images) if scaling == "grey" else images
-        scale, cut = (moments / n).sqrt(), CUT_RMS  # (b, c, h, w)
-    scale = torch.where((scale > 0) & mask, scale, torch.inf)
-    return (images / scale[:, None]).clamp(max=cut)
-
-
 def at_pixels(lights: Float[Tensor, "b k 3 *hw"]) -> Float[Tensor, "b k 3 h w"]:
     """Lights of each pixel, or (b, k, 3, 1, 1) that all share."""
     return lights if lights.ndim == 5 else lights[..., None, None]
-
-
-def grey(images: Float[Tensor, "b k c h w"]) -> Float[Tensor, "b k 1 h w"]:
-    """Luma of three channels; one channel is grey already."""
-    if images.shape[2] == 1:
-        return images
-    return torch.einsum("bkchw,c->bkhw", images, images.new_tensor(LUMA))[:, :, None]
 
 
 def placed(net: Network, device: torch.device | str) -> Network:

@@ -19,12 +19,11 @@ from torch.nn import functional as F
 
 from photonormal.options import Effort
 from photonormal.solve.learned.layers import SLOPE, Block, conv
-from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.solve.learned.weights import load
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import InputError
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
 ADDED = (  # start at zero: trained weights stay what they are
@@ -336,6 +335,5 @@ class NormalNetMethod(Learned):
     passes: Effort = 2
     name = "normalnet"
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        net = load(self.file, self.name)
-        return measure(net, capture, device, self.rotations, prior=self.prior or None, passes=self.passes)
+    def network(self) -> Network:
+        return load(self.file, self.name)

@@ -12,12 +12,11 @@ from torch import Tensor, nn
 
 from photonormal.solve.learned.lambertian_prior import over_images
 from photonormal.solve.learned.layers import conv, deconv, kaiming, unit
-from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.method import Learned
 from photonormal.solve.learned.network import Network, at_pixels
 from photonormal.solve.learned.pooling import Pooled
 from photonormal.solve.learned.weights import load
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import InputError
 
 
 @dataclass(frozen=True)
@@ -77,9 +76,11 @@ class PSFCN(Learned):
     """PS-FCN (Chen, Han, Wong, ECCV 2018): no prior."""
 
     name = "psfcn"
+    passes = 1
+    prior = ""
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        return measure(psfcn(self.file, normalised=False), capture, device, self.rotations)
+    def network(self) -> Network:
+        return psfcn(self.file, normalised=False)
 
 
 @dataclass(frozen=True)
@@ -87,9 +88,11 @@ class PSFCNNormalised(Learned):
     """PS-FCN on normalised observations (Chen, Han, Shi, Matsushita, Wong, TPAMI 2020): no prior."""
 
     name = "psfcn-normalised"
+    passes = 1
+    prior = ""
 
-    def __call__(self, capture: Capture, device: torch.device) -> Normals:
-        return measure(psfcn(self.file, normalised=True), capture, device, self.rotations)
+    def network(self) -> Network:
+        return psfcn(self.file, normalised=True)
 
 
 def psfcn(file: Path, normalised: bool) -> Network:

@@ -9,9 +9,10 @@ import torch
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
 from photonormal.solve.classical.woodham import Woodham
-from photonormal.solve.learned import measure as module
+from photonormal.solve.engine import on_mask, prior, stream
+from photonormal.solve.engine.frames import frames
+from photonormal.solve.engine.windows import Box
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
-from photonormal.solve.learned.measure import measure
 from photonormal.solve.learned.normalnet import ADDED, NormalNet, NormalNetConfig
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import Capture, InputError
@@ -56,6 +57,11 @@ KINDS = ["lambertian-prior", "normalnet", *MORE, "psfcn", "psfcn-normalised"]
 PASSES = {"normalnet-full": 2}  # of the kinds that have learned more than one
 
 
+def measure(net, capture, device, **how):
+    """Normals of a capture by a network."""
+    return on_mask(stream.measured(net, capture, device, **how), capture)
+
+
 def apart_deg(a, b):
     assert (a.mask == b.mask).all()
     return angle_deg(a.map[a.mask], b.map[b.mask]).max()
@@ -74,16 +80,17 @@ def test_the_order_of_the_images_and_the_exposure_change_nothing(kind):
 def test_tiles_agree_with_the_whole(kind):
     capture, _ = sphere(n=4, size=170)
     net, passes = network(kind), PASSES.get(kind, 1)
-    tiled = measure(net, capture, CPU, tile=60 if net.reach < 40 else 24, passes=passes)
+    tiled = measure(net, capture, CPU, side=60 if net.reach < 40 else 24, passes=passes)
     assert apart_deg(measure(net, capture, CPU, passes=passes), tiled) < 0.01
 
 
-def test_tiles_in_several_passes_agree_with_one(monkeypatch):
-    capture, _ = sphere(n=4, size=170)
-    net = network("lambertian-prior")
-    whole = measure(net, capture, CPU, tile=60)
-    monkeypatch.setattr(module, "KEPT", 1)
-    assert apart_deg(whole, measure(net, capture, CPU, tile=60)) < 1e-3
+def test_a_first_look_at_some_rows_at_a_time_agrees_with_one_at_all(monkeypatch):
+    capture, _ = sphere(n=4)
+    for kind in KINDS:
+        whole = measure(network(kind), capture, CPU, prior="woodham")
+        with monkeypatch.context() as m:
+            m.setattr(prior, "TOGETHER", 4 * 1000)  # fourteen rows
+            assert apart_deg(whole, measure(network(kind), capture, CPU, prior="woodham")) < 0.05
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -98,14 +105,15 @@ def test_rows_encoded_apart_agree_with_all_at_once(kind, near, monkeypatch):
         capture = replace(capture, lights_at=(at / np.linalg.norm(at, axis=-1, keepdims=True)).astype(np.float32))
     net, passes = network(kind), PASSES.get(kind, 1)
     whole = measure(net, capture, CPU, rotations=4, passes=passes)
-    monkeypatch.setattr(module, "PART", 500)  # seven rows
+    monkeypatch.setattr(stream, "PART", 500)  # seven rows
     assert apart_deg(whole, measure(net, capture, CPU, rotations=4, passes=passes)) < 0.01
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_streaming_is_the_batch(kind):
     """Measuring image by image gives what the network gives for all of them at once, as in training."""
-    from photonormal.solve.learned.network import grey, moment, scaled
+    from photonormal.solve.inputs.grey import grey
+    from photonormal.solve.inputs.scaling import moment, scaled
 
     capture, _ = sphere(n=6, size=64, margin=(0, 0))
     net = network(kind)
@@ -144,33 +152,34 @@ def test_one_channel_is_three_equal_ones():
     assert apart_deg(measure(net, capture, CPU), measure(net, three, CPU)) < 0.01
 
 
-def test_any_classical_method_can_be_the_prior():
+def test_any_prior_can_be_the_prior():
     capture, _ = sphere()
     net = network("lambertian-prior")
-    streamed = measure(net, capture, CPU)
-    box = module.Box.of(capture, net.stride)
-    L = torch.from_numpy(capture.lights).float()
-    by_blocks = module.by_blocks(Woodham(), capture, box, L)
-    look = module.first_look(net, capture, box, L, "woodham")
-    torch.testing.assert_close(by_blocks * box.mask, look.prior, atol=1e-5, rtol=0)
-    assert apart_deg(streamed, measure(net, capture, CPU, prior="")) > 0.1
+    assert apart_deg(measure(net, capture, CPU), measure(net, capture, CPU, prior="")) > 0.1
     net = network("normalnet")
     torch.nn.init.zeros_(net.correction.weight)  # returns its prior
-    assert (
-        apart_deg(measure(net, capture, CPU, prior="ransac"), pn.solve(capture, "ransac")) < 1.5
-    )  # at the rim it is held back
+    for name in ("woodham", "l1", "rpca"):
+        found, alone = measure(net, capture, CPU, prior=name), pn.solve(capture, name)
+        assert angle_deg(found.map, alone.map)[capture.mask].mean() < 1  # it cuts no highlights before
+
+
+@pytest.mark.parametrize("name", ["ransac", "table", "normalnet"])
+def test_what_is_no_prior_is_refused(name):
+    capture, _ = sphere()
+    with pytest.raises(InputError, match=f"{name} can't be a prior.*choose from woodham, trimmed, l1, rpca"):
+        pn.solve(capture, "normalnet", prior=name)
 
 
 def test_expected_errors_come_with_the_normals():
     capture, _ = sphere()
     torch.manual_seed(0)
     net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, expected=True))
-    whole, tiled, turned = (measure(net, capture, CPU, **how) for how in ({}, {"tile": 40}, {"rotations": 4}))
-    expected = whole.expected_error_deg
-    assert expected is not None and (np.isfinite(expected) == whole.mask).all()
-    assert np.allclose(expected[whole.mask], tiled.expected_error_deg[whole.mask], rtol=0.01)
-    assert (turned.expected_error_deg[whole.mask] > 0).all()
-    assert measure(network("psfcn"), capture, CPU).expected_error_deg is None
+    whole, tiled, turned = (
+        stream.measured(net, capture, CPU, **how).told_deg for how in ({}, {"side": 40}, {"rotations": 4})
+    )
+    assert whole.shape == (capture.mask.sum(),) and (whole > 0).all() and (turned > 0).all()
+    assert torch.allclose(whole, tiled, rtol=0.01)
+    assert stream.measured(network("psfcn"), capture, CPU).told_deg is None
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -178,7 +187,7 @@ def test_pixels_that_see_the_lights_where_all_do_get_the_same_normals(kind):
     capture, _ = sphere(n=5, size=50)
     each = np.tile(capture.known_lights().astype(np.float32), (int(capture.mask.sum()), 1, 1))
     net = network(kind)
-    a, b = (measure(net, c, CPU, rotations=4, tile=30) for c in (capture, replace(capture, lights_at=each)))
+    a, b = (measure(net, c, CPU, rotations=4, side=30) for c in (capture, replace(capture, lights_at=each)))
     assert apart_deg(a, b) < 0.05
 
 
@@ -193,11 +202,13 @@ def test_pixels_that_no_light_reached_have_no_normal():
 
 def test_frames_come_in_portions_and_in_order():
     capture, _ = sphere(n=7)
-    box = module.Box.of(capture, 4)
-    parts = list(module.frames(capture, box, CPU, 3))
+    box = Box.of(capture, 4)
+    seen = slice(8, 40), slice(12, 70)
+    parts = list(frames(capture, box, seen, CPU, 3))
     assert [j for j, _ in parts] == [0, 3, 6]
     assert [p.shape[1] for _, p in parts] == [3, 3, 1]
-    torch.testing.assert_close(parts[1][1][:, 1], box.crop(capture.images[4])[:, 0])
+    image = torch.from_numpy(capture.images[4, box.top + 8 : box.top + 40, box.left + 12 : box.left + 70])
+    torch.testing.assert_close(parts[1][1][0, 1], image.permute(2, 0, 1))
 
 
 def test_a_second_pass_starts_from_what_the_first_one_found():

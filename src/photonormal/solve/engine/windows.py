@@ -1,0 +1,107 @@
+"""Which part of a frame is computed, piece by piece, and what each piece has to see for it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.types import Capture, box_of
+
+Span = tuple[slice, slice]  # rows and columns
+
+
+@dataclass(frozen=True)
+class Box:
+    """The mask's box, its size rounded up to a network's stride; rows and columns count from its corner."""
+
+    top: int
+    left: int
+    mask: Tensor  # (h, w) bool
+
+    @staticmethod
+    def of(capture: Capture, stride: int) -> Box:
+        rows, columns = box_of(capture.mask)
+        h, w = (-(-(s.stop - s.start) // stride) * stride for s in (rows, columns))
+        mask = torch.zeros(h, w, dtype=torch.bool)
+        mask[: rows.stop - rows.start, : columns.stop - columns.start] = torch.from_numpy(capture.mask[rows, columns])
+        return Box(rows.start, columns.start, mask)
+
+    def read(self, capture: Capture, j: int, seen: Span) -> Float[Tensor, "1 1 c h w"]:
+        """A part of the box of picture `j`; zero where it reaches beyond the frame."""
+        rows, columns = seen
+        part = capture.window(
+            j,
+            slice(self.top + rows.start, self.top + rows.stop),
+            slice(self.left + columns.start, self.left + columns.stop),
+        )
+        found = torch.zeros(1, 1, part.shape[2], rows.stop - rows.start, columns.stop - columns.start)
+        found[0, 0, :, : part.shape[0], : part.shape[1]] = torch.from_numpy(part).permute(2, 0, 1)
+        return found
+
+    def lights(self, capture: Capture, seen: Span) -> Float[Tensor, "n 3 *hw"]:
+        """Light directions (n, 3), or (n, 3, h, w): those that each pixel of a part of the box sees."""
+        L = torch.as_tensor(capture.known_lights(), dtype=torch.float32)
+        if capture.lights_at is None:
+            return L
+        mask = self.mask[seen]
+        L = L[..., None, None].repeat(1, 1, *mask.shape)
+        L[:, :, mask] = torch.from_numpy(capture.lights_at[self.pixels(seen)]).permute(1, 2, 0)
+        return L
+
+    def pixels(self, seen: Span) -> np.ndarray:
+        """Numbers of a part's pixels on the mask, counted over the whole mask row by row."""
+        number = torch.cumsum(self.mask.flatten(), 0).view(self.mask.shape) - 1
+        return number[seen][self.mask[seen]].numpy()
+
+    def on_mask(self, values: Float[Tensor, "d h w"]) -> Float[Tensor, "p d"]:
+        """What is known of the mask's pixels, row by row."""
+        return values[:, self.mask].T
+
+    def windows(self, tile: int, margin: int) -> list[Window]:
+        """The parts of the box, each `tile` pixels a side, with `margin` pixels around; none without a mask pixel.
+
+        A box that is less than two margins larger than a tile is one part.
+        """
+        h, w = self.mask.shape
+        tile_h, tile_w = (s if s <= tile + 2 * margin else tile for s in (h, w))
+        found = []
+        for y in range(0, h, tile_h):
+            for x in range(0, w, tile_w):
+                core = slice(y, min(y + tile_h, h)), slice(x, min(x + tile_w, w))
+                if self.mask[core].any():
+                    found.append(Window(core, (slice(0, h), slice(0, w))).narrowed(margin))
+        return found
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a box: what is computed, and what is seen for it."""
+
+    core: Span
+    seen: Span
+
+    def narrowed(self, margin: int) -> Window:
+        """The same core, seen with no more than `margin` pixels around."""
+        rows, columns = (
+            slice(max(s.start, c.start - margin), min(s.stop, c.stop + margin))
+            for c, s in zip(self.core, self.seen, strict=True)
+        )
+        return replace(self, seen=(rows, columns))
+
+    def within(self, outer: Window) -> Span:
+        """Where what this one sees lies in what the `outer` one sees."""
+        return _offset(self.seen, outer.seen)
+
+    @property
+    def inside(self) -> Span:
+        """Where the core lies in what is seen."""
+        return _offset(self.core, self.seen)
+
+
+def _offset(inner: Span, outer: Span) -> Span:
+    rows, columns = (slice(i.start - o.start, i.stop - o.start) for i, o in zip(inner, outer, strict=True))
+    return rows, columns

@@ -25,8 +25,9 @@ import torch
 
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
-from photonormal.solve import METHODS, method_class
-from photonormal.solve.inputs import grey as observations
+from photonormal.solve import METHODS, configure
+from photonormal.solve.engine import on_mask, run, samples
+from photonormal.solve.engine.device import torch_device
 
 PUBLISHED = {  # ball bear buddha cat cow goblet harvest pot1 pot2 reading
     "woodham": "4.10 8.39 14.92 8.41 25.60 18.50 30.62 8.89 14.65 19.80",
@@ -59,7 +60,7 @@ def under(capture: pn.Capture, chosen: np.ndarray) -> pn.Capture:
 
 def error_deg(capture: pn.Capture, method: str, device: torch.device) -> float:
     """Mean angular error over the mask; a pixel without a normal counts 90 degrees."""
-    found = method_class(method)()(capture, device)
+    found = on_mask(run(configure(method), capture, device), capture)
     assert capture.truth is not None
     angle = angle_deg(found.map[capture.mask], capture.truth.map[capture.mask])
     return float(np.where(found.mask[capture.mask], angle, 90).mean())
@@ -92,10 +93,10 @@ def _memory_mb(method: str, pixels: int, device: str) -> float:
     for image, light in zip(images, lights.astype(np.float32), strict=True):
         image[0, :, 0] = 0.3 * np.maximum(N @ light, 0) + 0.01 * random.random(pixels, np.float32)
     capture = pn.Capture(images, np.ones((1, pixels), bool), lights)
-    solver = method_class(method)()
-    solver(in_memory(capture, max(1, pixels // 500)), torch.device(device))  # what loading the libraries takes
+    solver = configure(method)
+    run(solver, in_memory(capture, max(1, pixels // 500)), torch.device(device))  # what loading the libraries takes
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    solver(capture, torch.device(device))
+    run(solver, capture, torch.device(device))
     return (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
 
 
@@ -115,7 +116,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=3, help="timed runs on cat; 0: none")
     parser.add_argument("--step", type=int, default=1, help="rows and columns of the accuracy table: every step-th")
     options = parser.parse_args()
-    device = observations.torch_device(options.device)
+    device = torch_device(options.device)
     methods = [m for m in options.methods.split(",") if m in METHODS]
     if options.memory:
         print_row("method", f"MB beyond the pictures, 96 x {options.memory}")
@@ -137,8 +138,8 @@ def main() -> None:
         seconds = "-"
         if "cat" in captures and options.runs:
             cat = captures["cat"]
-            whole, busy = best_seconds(lambda m=method, c=cat: method_class(m)()(c, device), options.runs, device)
-            grey, _ = best_seconds(lambda c=cat: observations.grey_levels(c), options.runs, device)
+            whole, busy = best_seconds(lambda m=method, c=cat: run(configure(m), c, device), options.runs, device)
+            grey, _ = best_seconds(lambda c=cat: samples.grey_levels(c), options.runs, device)
             seconds = f"{whole:.2f} ({max(0.0, whole - grey):.2f}, {busy:.2f})"
         published = [float(x) for x in PUBLISHED.get(method, "").split()]
         published = [published[OBJECTS.index(name)] for name in captures] if published else []

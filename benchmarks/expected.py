@@ -16,7 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,8 +26,11 @@ from classical import OBJECTS, in_memory, print_row
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import METHODS, configure, parse, run
-from photonormal.solve.expected import FILE, FITTED, evidence_of, linear, terms, with_expected_error
+from photonormal.solve import METHODS, configure, parse
+from photonormal.solve.contract import Solution
+from photonormal.solve.engine import on_mask, run
+from photonormal.solve.engine.near import seen_as_distant
+from photonormal.solve.expected import FILE, FITTED, MadeFor, evidence_of, linear, terms, with_expected_error
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 
@@ -77,11 +80,12 @@ def fit(count: int) -> None:
     write(found, count)
 
 
-def solved(name: str, options: dict, whole: pn.Capture) -> tuple[pn.Capture, pn.Normals] | None:
+def solved(name: str, options: dict, whole: pn.Capture) -> tuple[pn.Capture, pn.Normals, Solution] | None:
     """What a method is shown and finds; None with too few lights for it, or in the dark."""
     capture = thinned(whole, name)
     try:
-        return capture, run(configure(name, **options), capture, CPU)
+        found = run(configure(name, **options), capture, CPU)
+        return capture, on_mask(found, capture), found
     except pn.InputError:
         return None
 
@@ -90,10 +94,14 @@ def measured(name: str, whole: pn.Capture, found: Found) -> None:
     """Add a method's evidence and errors on some pixels of a capture."""
     if (both := solved(name, {}, whole)) is None:
         return
-    capture, normals = both
+    capture, normals, found_here = both
     assert capture.truth is not None
+    told = None
+    if found_here.told_deg is not None:
+        told = np.full(normals.mask.shape, np.nan, np.float32)
+        told[capture.mask] = found_here.told_deg.numpy()
     some = slice(None, None, KEPT if STEP.get(name) == 1 else 1)
-    F = evidence_of(capture, normals, CPU).double().numpy()
+    F = evidence_of(seen_as_distant(capture, normals), normals, CPU, told).double().numpy()
     found[name].append((len(capture.known_lights()), F[some], true_deg(normals, capture.truth)[some]))
 
 
@@ -103,7 +111,9 @@ def true_deg(normals: pn.Normals, truth: pn.Normals) -> np.ndarray:
 
 def write(found: Found, count: int) -> None:
     """Fit all methods and write FILE."""
-    methods = {name: calibration(rows) for name, rows in found.items()}
+    methods = {
+        name: {"made_for": asdict(MadeFor.of(configure(name)))} | calibration(rows) for name, rows in found.items()
+    }
     command = f"python benchmarks/expected.py --fit --scenes {count}"
     lines = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in methods.items()]
     FILE.write_text(f'{{"made by": {json.dumps(command)}, "methods": {{\n' + ",\n".join(lines) + "\n}}\n")
@@ -171,8 +181,9 @@ def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) 
             name, options = parse(text)
             if (both := solved(name, options, whole)) is None:
                 continue
-            capture, normals = both
-            normals = with_expected_error(normals, capture, name, CPU)
+            capture, normals, found_here = both
+            method = configure(name, **options)
+            normals = with_expected_error(normals, found_here, capture, method, CPU)
             assert capture.truth is not None and normals.expected_error_deg is not None
             on = normals.mask & capture.truth.mask
             true = angle_deg(normals.map[on], capture.truth.map[on])

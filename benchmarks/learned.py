@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +20,9 @@ from classical import OBJECTS, in_memory, print_row, under
 import photonormal as pn
 from photonormal.geometry import angle_deg
 from photonormal.solve import configure
-from photonormal.solve.inputs import grey as observations
+from photonormal.solve.contract import Method
+from photonormal.solve.engine import on_mask, run
+from photonormal.solve.engine.device import torch_device
 from photonormal.synth.sensor import corrupt, turned
 
 Table = dict[str, pn.Capture]
@@ -33,9 +34,9 @@ def errors_deg(found: pn.Normals, truth: pn.Normals) -> np.ndarray:
     return np.where(found.mask[truth.mask], angle, 90)
 
 
-def mean_deg(solver: Callable, capture: pn.Capture, device: torch.device) -> float:
+def mean_deg(solver: Method, capture: pn.Capture, device: torch.device) -> float:
     assert capture.truth is not None
-    return float(errors_deg(solver(capture, device), capture.truth).mean())
+    return float(errors_deg(on_mask(run(solver, capture, device), capture), capture.truth).mean())
 
 
 def options(method: str, given: dict, captures: Table, device: torch.device) -> None:
@@ -43,7 +44,7 @@ def options(method: str, given: dict, captures: Table, device: torch.device) -> 
     print_row("options", *captures, "mean", "seconds")
     print_row(*["---"] * (len(captures) + 3))
     tried = [{"passes": p} for p in (1, 2, 3)] if method == "normalnet" else [{}]
-    tried += [{"rotations": 4}, {"prior": "woodham"}, {"prior": "ransac"}, {"prior": "table"}]
+    tried += [{"rotations": 4}, {"prior": "woodham"}, {"prior": "l1"}, {"prior": "rpca"}]
     for more in tried:
         start = time.perf_counter()
         errors = [mean_deg(configure(method, **given, **more), c, device) for c in captures.values()]
@@ -52,7 +53,7 @@ def options(method: str, given: dict, captures: Table, device: torch.device) -> 
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]], f"{seconds:.1f}")
 
 
-def few_images(solver: Callable, captures: Table, draws: int, device: torch.device) -> None:
+def few_images(solver: Method, captures: Table, draws: int, device: torch.device) -> None:
     """All images, then random draws of some."""
     print_row("images", "draws", *captures, "mean")
     print_row(*["---"] * (len(captures) + 3))
@@ -95,7 +96,7 @@ FAULTS = {
 }
 
 
-def faults(solver: Callable, captures: Table, device: torch.device) -> None:
+def faults(solver: Method, captures: Table, device: torch.device) -> None:
     """What each fault of a set-up costs."""
     print_row("fault", *captures, "mean")
     print_row(*["---"] * (len(captures) + 2))
@@ -113,7 +114,7 @@ def main() -> None:
     parser.add_argument("--draws", type=int, default=100)
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
-    device = observations.torch_device(given.device)
+    device = torch_device(given.device)
     found = {name: given.root / f"{name}PNG" for name in OBJECTS if (given.root / f"{name}PNG").is_dir()}
     if not found:
         parser.error(f"no <object>PNG folders in {given.root}")

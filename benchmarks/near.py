@@ -20,7 +20,8 @@ import torch
 from photonormal import Capture, Normals, solve
 from photonormal.score import score
 from photonormal.solve import configure
-from photonormal.solve.engine.near import Near, surface_mm
+from photonormal.solve.engine import on_mask, run
+from photonormal.solve.engine.near import evened, surface_mm
 from photonormal.synth import recipe
 from photonormal.synth.stream import render_block
 from photonormal.types import Camera, Lamps
@@ -66,7 +67,8 @@ def mean_deg(captures: list[Capture], solved: Callable[[Capture], Normals]) -> f
 def depth_known(capture: Capture, method: str) -> Normals:
     """The method where the true normals' integral tells where the surface lies."""
     assert capture.truth is not None
-    return Near(configure(method)).normals(capture, surface_mm(capture, capture.truth), torch.device("cpu"))
+    seen = evened(capture, surface_mm(capture, capture.truth))
+    return on_mask(run(configure(method), seen, torch.device("cpu")), capture)
 
 
 def main() -> None:

@@ -20,10 +20,10 @@ from dataclasses import replace
 
 import numpy as np
 import torch
-from photonormal.solve.learned.measure import measure
 
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.solve.engine.device import torch_device
+from photonormal.solve.engine.stream import measured
 from photonormal.solve.learned.network import placed
 from photonormal.solve.learned.processor import inner_precision, keep_freed_memory, knows_bf16
 from photonormal.solve.learned.weights import build
@@ -107,7 +107,7 @@ def one(name: str, config: dict, side: int, n: int, device: torch.device, tile: 
     y, x = np.mgrid[-1 : 1 : 1j * side, -1 : 1 : 1j * side]
     capture = Capture(Pictures(n, side), x**2 + y**2 < 1, fibonacci_hemisphere(n))
     start = time.perf_counter()
-    measure(build(name, config), capture, device, tile=tile)
+    measured(build(name, config), capture, device, side=tile)
     took = time.perf_counter() - start
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     if device.type == "cuda":

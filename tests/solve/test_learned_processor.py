@@ -8,8 +8,8 @@ import sys
 import pytest
 import torch
 
+import photonormal as pn
 from photonormal.cli import main
-from photonormal.measure import measure
 from photonormal.solve.learned import processor
 from photonormal.solve.learned.processor import computing_in, inner_precision, number_format
 from photonormal.types import InputError
@@ -56,9 +56,9 @@ def test_auto_is_bf16_where_the_machine_knows_it(monkeypatch):
     assert [number_format(torch.device(d)) for d in ("cpu", "cuda")] == ["float32", "bf16"]
 
 
-def test_an_unknown_one_is_refused(tmp_path):
+def test_an_unknown_one_is_refused():
     with pytest.raises(InputError, match="precision fp8 came but auto, float32 or bf16 is needed"):
-        measure("demo", tmp_path / "out", precision="fp8")
+        pn.measure(pn.load("demo"), precision="fp8")
 
 
 def test_the_report_of_a_classical_method_says_none(tmp_path):

@@ -239,7 +239,7 @@ def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, 
 
 def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
     """The number format of a training: its checkpoint's, or the one asked for."""
-    from photonormal.solve.inputs.grey import torch_device
+    from photonormal.solve.engine.device import torch_device
 
     with computing_in(asked):
         found = number_format(torch_device(device))

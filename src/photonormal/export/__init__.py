@@ -34,18 +34,29 @@ def save(
     The path written.
     """
     from photonormal.disk import write
-    from photonormal.export import mesh, normal_maps
 
     path = Path(path)
-    suffix = path.suffix.lower()
+    write(path, encoded(result, path.name, normals, albedo, frame))
+    return path
+
+
+def encoded(
+    result: Normals | Surface,
+    name: str,
+    normals: Normals | None = None,
+    albedo: np.ndarray | None = None,
+    frame: str = "opengl",
+) -> bytes:
+    """The bytes of a file of that name, as `save` writes it."""
+    from photonormal.export import mesh, normal_maps
+
+    suffix = Path(name).suffix.lower()
     endings = normal_maps.WRITERS if isinstance(result, Normals) else mesh.FORMATS
     if suffix not in endings:
-        raise InputError(f"{path} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
+        raise InputError(f"{name} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
     if isinstance(result, Normals):
-        write(path, normal_maps.WRITERS[suffix](replace(result, map=in_frame(result.map, frame))))
-    else:
-        write(path, mesh.encode(result, suffix, normals, albedo))
-    return path
+        return normal_maps.WRITERS[suffix](replace(result, map=in_frame(result.map, frame)))
+    return mesh.encode(result, suffix, normals, albedo)
 
 
 def load_normals(path: str | Path, frame: str = "opengl") -> Normals:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
 from photonormal.disk import Batch
-from photonormal.export import save
+from photonormal.export import encoded
 from photonormal.export.folder import report
 from photonormal.export.normal_maps import encode_png
 from photonormal.export.pictures import preview
 from photonormal.score import colours, error_picture
-from photonormal.types import Result, cores
+from photonormal.types import Normals, Result, Surface, cores
 
 
 def write_result(result: Result, folder: Batch, frame: str = "opengl") -> dict[str, Any]:
@@ -26,14 +27,14 @@ def write_result(result: Result, folder: Batch, frame: str = "opengl") -> dict[s
     """
     start = time.perf_counter()
     normals, surface = result.normals, result.surface
-    jobs = [
-        lambda: pictures(result, folder),
-        lambda: save(normals, folder / "normals.png", frame=frame),
-        lambda: save(normals, folder / "normals.npz"),
-    ]
+
+    def write(name: str, what: Normals | Surface, **how: Any) -> Callable[[], None]:
+        return lambda: folder.write(name, encoded(what, name, **how))
+
+    jobs = [lambda: pictures(result, folder), write("normals.png", normals, frame=frame), write("normals.npz", normals)]
     if surface is not None:
-        jobs.append(lambda: save(surface, folder / "depth.npz"))
-        jobs.insert(0, lambda: save(surface, folder / "mesh.ply", normals, shown_albedo(result)))
+        jobs.append(write("depth.npz", surface))
+        jobs.insert(0, write("mesh.ply", surface, normals=normals, albedo=shown_albedo(result)))
     with ThreadPoolExecutor(cores()) as pool:
         for job in [pool.submit(job) for job in jobs]:
             job.result()

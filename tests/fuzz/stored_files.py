@@ -46,7 +46,7 @@ KINDS = {  # kind of file -> commands that read it
 def originals(folder: Path) -> dict[str, Path]:
     """Sound files of every kind, and what they are read with."""
     from photonormal.bench import bench
-    from photonormal.measure import measure
+    from photonormal.cli.measuring import Measure
     from photonormal.train.loop import train
     from tests.scenes import lambertian, ring, sphere, write_diligent
     from tests.train.toy import Toy
@@ -54,7 +54,7 @@ def originals(folder: Path) -> dict[str, Path]:
     root, capture = folder / "root", folder / "root" / "pmsData" / "ballPNG"
     write_diligent(capture, lambertian(sphere(24), ring(7, 70)))
     bench("diligent", root, folder / "runs", methods="woodham", images="all,6", draws=1)
-    measure(capture, folder / "result", method="woodham", mesh=False)
+    Measure(capture, folder / "result", method="woodham", mesh=False)()
     train(tiny(), folder / "training", device="cpu", stream=Toy, precision="float32")
     (folder / "fixed.txt").write_text("ball: 1-5\n# the others\n1-6\n")
     places = {"ROOT": root, "CAPTURE": capture, "RUNS": folder / "runs", "RESULT": folder / "result"}

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from photonormal.measure import measure
+from photonormal.cli.measuring import Measure
 from photonormal.types import Normals
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
@@ -24,14 +24,14 @@ def capture(tmp_path_factory):
 @pytest.fixture(scope="session")
 def result(capture, tmp_path_factory):
     out = tmp_path_factory.mktemp("results") / "woodham"
-    measure(capture, out, method="woodham")
+    Measure(capture, out, method="woodham")()
     return out
 
 
 @pytest.fixture(scope="session")
 def other(capture, tmp_path_factory):
     out = tmp_path_factory.mktemp("results") / "trimmed"
-    measure(capture, out, method="trimmed")
+    Measure(capture, out, method="trimmed")()
     return out
 
 

@@ -94,3 +94,10 @@ def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
     images = getattr(images, "images", images)  # those that are corrected
     pictures = [file for picture in getattr(images, "pictures", ()) for file in parts(picture)]
     return [path, *([] if path.is_dir() else [path.parent]), *pictures, *(p for p in others if isinstance(p, Path))]
+
+
+def told(path: str | Path, how: dict[str, Any]) -> dict[str, Any]:
+    """How a capture was read, for reports: `source`, and the options given, under `reading`; paths are absolute."""
+    source = str(Path(path).resolve()) if Path(path).exists() else str(path)
+    reading = {key: str(v.resolve()) if isinstance(v, Path) else v for key, v in how.items() if v}
+    return {"source": source, "reading": reading}

@@ -86,7 +86,7 @@ class Measure:
     read: Read = Photographs()
 
     def __call__(self) -> int:
-        from photonormal.capture import files_read, load
+        from photonormal.capture import files_read, load, told
         from photonormal.export.folder import whole_folder
         from photonormal.export.result import write_result
         from photonormal.geometry import known_frame
@@ -108,7 +108,7 @@ class Measure:
                 K=K,
                 precision=self.precision,
             )
-            report = write_result(result, folder, self.normals_frame)
+            report = write_result(result, folder, self.normals_frame, told(self.capture, how))
         for warning in report["warnings"]:
             print(f"photonormal: warning: {printable(warning)}", file=sys.stderr)
         seconds = sum(report["seconds"].values())

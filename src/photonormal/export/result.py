@@ -18,12 +18,14 @@ from photonormal.score import colours, error_picture
 from photonormal.types import Normals, Result, Surface, cores
 
 
-def write_result(result: Result, folder: Batch, frame: str = "opengl") -> dict[str, Any]:
+def write_result(
+    result: Result, folder: Batch, frame: str = "opengl", read: dict[str, Any] | None = None
+) -> dict[str, Any]:
     """Write a result into a folder, all files at the same time; returns the report, as written.
 
     normals.png and normals.npz, albedo.png, depth.npz and mesh.ply (where depth was found), preview.png,
     expected-error.png, error.png (where the truth is known) and report.json. `frame` is that of normals.png, a key of
-    photonormal.geometry.FRAMES; normals.npz keeps ours.
+    photonormal.geometry.FRAMES; normals.npz keeps ours. `read` says how the capture was read (`photonormal.capture.told`).
     """
     start = time.perf_counter()
     normals, surface = result.normals, result.surface
@@ -39,7 +41,7 @@ def write_result(result: Result, folder: Batch, frame: str = "opengl") -> dict[s
         for job in [pool.submit(job) for job in jobs]:
             job.result()
     seconds = {**result.report["seconds"], "export": round(time.perf_counter() - start, 4)}
-    return report(folder, result.report | {"normals_png_frame": frame, "seconds": seconds})
+    return report(folder, result.report | (read or {}) | {"normals_png_frame": frame, "seconds": seconds})
 
 
 def shown_albedo(result: Result) -> np.ndarray | None:

@@ -12,13 +12,11 @@ from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from jaxtyping import Float
 
 from photonormal.files.opening import read_bytes, read_npz, reason_of
-from photonormal.stored import decoded
 from photonormal.types import InputError
 
 NAMES = (("camera_matrix", "cameraMatrix", "K", "mtx"), ("distortion_coefficients", "distCoeffs", "D", "dist"))
@@ -69,6 +67,8 @@ def read_lens(path: Path) -> Lens:
 
 def _parsed(path: Path) -> dict[str, Any]:
     """The names and values that a text file holds at its top, by what it begins with."""
+    from photonormal.stored import decoded
+
     data = read_bytes(path, "a lens calibration", LARGEST).removeprefix(b"\xef\xbb\xbf").lstrip()
     if data.startswith(b"{"):
         values = decoded(data, dict, path, "give OpenCV's .yml file")
@@ -97,6 +97,8 @@ def _yaml(data: bytes) -> Any:
 
 
 def _xml(data: bytes) -> dict[str, Any]:
+    from xml.etree import ElementTree
+
     text = data.decode("utf-8")
     if "<!" in text:  # OpenCV declares no entities
         raise ValueError("it has declarations, which a calibration doesn't need")

@@ -141,6 +141,7 @@ def _edges(grey: np.ndarray) -> np.ndarray:
     import cv2
 
     bright = max(float(np.quantile(grey, 0.95)), 1e-9)
-    log = cv2.GaussianBlur(np.log(np.maximum(grey / bright, 0) + 0.02).astype(np.float32), (0, 0), 1.0)
+    grey = grey.clip(0, 1e6 * bright)  # one glint of a float picture must not overflow
+    log = cv2.GaussianBlur(np.log(grey / bright + 0.02).astype(np.float32), (0, 0), 1.0)
     m = np.hypot(*(cv2.Sobel(log, cv2.CV_32F, dx, 1 - dx, scale=1 / 8) for dx in (1, 0)))
     return m / (m + float(np.quantile(m, 0.9)) + 1e-6)

@@ -8,7 +8,6 @@ import stat
 from math import prod
 from pathlib import Path
 from typing import IO, BinaryIO
-from zipfile import ZipFile
 
 import numpy as np
 
@@ -77,6 +76,8 @@ def read_npz(path: Path, advice: str, names: tuple[str, ...] | None = None) -> d
     InputError
         If the file can't be read, or its arrays would take more memory than allowed; `advice` says what to do.
     """
+    from zipfile import ZipFile
+
     try:
         with open_file(path) as file, ZipFile(file) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}

@@ -1,47 +1,53 @@
-"""The paper's ablations at one small budget: all `paper` recipes and both PS-FCN learn from the same rendered scenes.
+"""The paper's ablations at one small budget: its Tables 1 and 5, its data amounts and PS-FCN, from the same scenes.
 
-    python benchmarks/ablations.py OUT [--recipes paper paper-plain] [--steps 400] [--seed 0]
+    python benchmarks/ablations.py OUT [--recipes paper paper-plain] [--minutes 30] [--seeds 1 2] [--windows 6000]
+    python benchmarks/ablations.py OUT --table        the table of all that OUT holds for that many minutes
+    python benchmarks/ablations.py OUT --curves       convergence.png and .pdf in OUT/figures, from the journals
 
-The same for all: a quarter of the width, eight windows of 16 x 16 pixels a step, a rate of 1e-3 that falls as a cosine
-after a warm-up (the paper's 2e-3, halved seven times, is for 24 windows and a hundred times as many steps). Loss, prior
-and number of images are each recipe's own. Scenes of 64 lights are rendered once, `steps` / 4 batches, each used about
-four times; a recipe of 32 images takes the first 32 lights. Then all networks are examined on the same scenes with 32
-images, and on the four DiLiGenT objects of PHOTONORMAL_DATA with all of theirs.
+The same for all: a quarter of the width and the minutes, of one processor, validation as it goes counted in. All else
+is each recipe's own. Windows under 64 lights are rendered once into OUT/scenes-NAME (shards, 0.4 MB a window, read
+where they lie); each time one comes up, other images of it are shown. For the data amounts `windows` of the stand-ins
+for Blobby and Sculpture are rendered, in the proportion of the sets; a set alone has its own share of them only.
 
-OUT/results.jsonl holds a line for each recipe and seed. The same command finishes an interrupted run; the table is of
-all that OUT holds for that many steps. Angles are means in degrees; below 15: share of the pixels, %; minutes: of
-processor time, to train and to measure the objects.
+Then all networks are examined on the same rendered windows, with 32 images and with 10, and on the four DiLiGenT
+objects of PHOTONORMAL_DATA with all images and with 10 (the mean of DRAWS draws). OUT/results.jsonl holds a line for
+each recipe and seed. The same command finishes an interrupted run. Angles are means in degrees; below 15: share of
+the pixels, %.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import math
 import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import torch
-from classical import print_row
+from classical import in_memory, print_row, under
 from safetensors import safe_open
 
+from photonormal.bench.figures import figure
+from photonormal.capture import load as load_capture
+from photonormal.score import score
+from photonormal.solve.engine import on_mask
 from photonormal.solve.engine.device import torch_device
-from photonormal.solve.learned.network import parameters
+from photonormal.solve.engine.stream import measured
+from photonormal.solve.learned.network import Network, parameters
 from photonormal.solve.learned.weights import load
-from photonormal.synth import Stream
-from photonormal.synth.stream import Batch
+from photonormal.synth import Stream, render
+from photonormal.synth.recipes import MIXTURES, recipe
 from photonormal.train import checkpoint, train
 from photonormal.train.recipes import RECIPES, Recipe
-from photonormal.train.validate import EXAMS, OBJECTS, examined, on_rendered
+from photonormal.train.validate import OBJECTS, examined, on_rendered, real_folder
 
-BUDGET = {"batch": 8, "reuse": 4, "lr": 1e-3, "schedule": "cosine", "warmup": 50}
-WIDTH, WINDOW, LIGHTS = 16, 16, 64
-EXAM = replace(RECIPES["paper"], batch=8, images=(32, 32))
-NAMES = [name for name in RECIPES if name.startswith(("paper", "psfcn"))]
-VALIDATION = {  # the paper's Tables 1 and 5: mean angle on its validation set
+WIDTH, LIGHTS, DRAWS = 16, 64, 5
+VALIDATE = 200  # steps between two points of a curve
+EXAM = replace(RECIPES["paper"], images=(32, 32))
+NAMES = [name for name in RECIPES if name.startswith(("paper", "psfcn")) and not name.endswith("cpu")]
+VALIDATION = {  # the paper's Tables 1 and 5 and its data amounts: mean angle on its validation set
     "paper": 12.30,
     "paper-no-prior": 12.98,
     "paper-prior-rpca": 12.27,
@@ -52,6 +58,12 @@ VALIDATION = {  # the paper's Tables 1 and 5: mean angle on its validation set
     "paper-5-blocks": 12.32,
     "paper-7-blocks": 12.29,
     "paper-single-branch": 12.52,
+    "paper-both": 12.30,
+    "paper-blobby": 12.64,
+    "paper-sculpture": 12.39,
+    "paper-both-no-prior": 12.98,
+    "paper-blobby-no-prior": 13.79,
+    "paper-sculpture-no-prior": 13.23,
 }
 REAL = {  # its Table 2, 96 images: mean of ball, bear, cat and reading
     "paper": 6.46,
@@ -59,110 +71,153 @@ REAL = {  # its Table 2, 96 images: mean of ball, bear, cat and reading
     "paper-64-images": 6.37,
     "psfcn": 7.46,
 }
-COLUMNS = ["recipe", "seed", "parameters", "minutes", "prior", "hemisphere", "difference", "the paper's", "below 15"]
-COLUMNS += ["10 images", "clean", *OBJECTS, "real", "difference", "the paper's"]
+COLUMNS = ["recipe", "seed", "parameters", "samples", "prior", "hemisphere", "difference", "the paper's", "below 15"]
+COLUMNS += ["10 images", "clean", *OBJECTS, "real", "difference", "the paper's", "real, 10 images"]
 
-Scenes = dict[str, list[Batch]]
+Result = dict[str, Any]
 
 
 def at_budget(name: str, seed: int) -> Recipe:
-    """A recipe with what is the same for all."""
+    """A recipe at a quarter of the width."""
     r = RECIPES[name]
-    return replace(r, config=r.config | {"width": WIDTH}, seed=seed, **BUDGET)
+    return replace(r, config=r.config | {"width": WIDTH}, seed=seed, validate=VALIDATE)
 
 
-def rendered(file: Path, steps: int, seed: int, device: torch.device) -> Scenes:
-    """The batches of the training and of every exam, images as 16-bit floats; from the file where there is one."""
-    if not file.exists():
-        stream = Stream("train", BUDGET["batch"], device, seed, lights=(LIGHTS, LIGHTS), crop=WINDOW)
-        training, exams = islice(stream, math.ceil(steps / BUDGET["reuse"])), examined(Stream, device, EXAM)
-        made = {"train": training, **exams}
-        torch.save({k: [vars(b) | {"images": b.images.half()} for b in some] for k, some in made.items()}, file)
-    held = torch.load(file, map_location="cpu")
-    return {kind: [Batch(**b) for b in some] for kind, some in held.items()}
+def scenes(out: Path, stream: str, windows: int, device: torch.device) -> list[Path]:
+    """The sets that a recipe of this stream learns from, rendered where they are not there yet."""
+    mixed = next((m for m in MIXTURES.values() if stream in dict(m)), ((stream, 1),))
+    mine = dict(MIXTURES.get(stream, ((stream, 1),)))
+    sets = []
+    for part in mine:
+        count = round(windows * dict(mixed)[part] / sum(share for _, share in mixed))
+        sets.append(out / f"scenes-{part}-{count}")
+        if not sets[-1].exists():
+            print(f"rendering {count} windows of {part}", flush=True)
+            render(recipe(part, lights=(LIGHTS, LIGHTS)), count, sets[-1], layout="shards", device=device)
+    return sets
 
 
-def served(scenes: Scenes) -> Callable[..., Iterator[Batch]]:
-    """Scenes in place of a `photonormal.synth.Stream`, with the first of their lights."""
+def learned(name: str, seed: int, given: argparse.Namespace, device: torch.device) -> Network:
+    """Train one recipe, or go on with it."""
+    r, out = at_budget(name, seed), folder(given, name, seed)
+    path = train(
+        r,
+        out,
+        minutes=given.minutes,
+        resume=(out / checkpoint.NAME).exists(),
+        device=device.type,
+        name=name,
+        data=scenes(given.out, r.stream, given.windows, device),
+        clock=time.process_time,
+    )
+    return load(path, r.network, device)
 
-    def stream(
-        name: str, batch: int, device: torch.device, seed: int, start_step: int, lights: tuple[int, int], **changes
-    ) -> Iterator[Batch]:
-        kind = next(k for k, fields in EXAMS.items() if fields == changes) if name == "validation" else "train"
-        n = lights[1]
-        for b in scenes[kind][start_step:]:
-            tensors = b.images[:, :n].float(), b.lights[:, :n], b.normals, b.mask
-            yield Batch(*(x.to(device) for x in tensors))
 
-    return stream
+def folder(given: argparse.Namespace, name: str, seed: int) -> Path:
+    """Where a recipe's training lies."""
+    return given.out / f"{name}-{given.minutes:g}-{seed}"
 
 
-def learned(name: str, out: Path, steps: int, seed: int, scenes: Scenes, device: torch.device) -> dict:
-    """Train one recipe, or go on with it, and examine it."""
-    recipe, stream = at_budget(name, seed), served(scenes)
-    resume = (out / checkpoint.NAME).exists()
-    start = time.process_time()
-    path = train(recipe, out, steps=steps, stream=stream, resume=resume, device=device.type, name=name)
-    minutes = (time.process_time() - start) / 60
-    net = load(path, recipe.network, device)
-    with safe_open(path, "pt") as file:
+def exam(name: str, seed: int, net: Network, exams: dict, given: argparse.Namespace, device: torch.device) -> Result:
+    """One line of the results."""
+    with safe_open(folder(given, name, seed) / f"{name}.safetensors", "pt") as file:
         trained = json.loads(file.metadata()["trained"])
-    with_32, with_10 = (replace(recipe, images=(n, n)) for n in (32, 10))
-    exams = examined(stream, device, with_32)
-    found = {kind: on_rendered(net, exam, with_32) for kind, exam in exams.items()}
-    found |= {"10 images": on_rendered(net, exams["hemisphere"], with_10), "real": trained["errors"]["real"]}
-    size = {"parameters": parameters(net), "minutes": minutes, "steps": trained["steps"]}
-    return {"recipe": name, "seed": seed, **size, **found}
+    with_32, with_10 = (replace(at_budget(name, seed), images=(n, n)) for n in (32, 10))
+    found = {kind: on_rendered(net, batches, with_32) for kind, batches in exams.items()}
+    found |= {"10 images": on_rendered(net, exams["hemisphere"], with_10)}
+    found |= {"real": trained["errors"]["real"], "real, 10 images": few_images(net, device)}
+    size = {"parameters": parameters(net), "steps": trained["steps"], "batch": trained["recipe"]["batch"]}
+    return {"recipe": name, "seed": seed, "minutes": given.minutes, "windows": given.windows, **size, **found}
 
 
-def compared(r: dict, base: dict | None, kind: str, mean: str, published: dict[str, float]) -> list[str]:
-    """A mean angle, how far it is from the default's, and how far that is in the paper."""
+def few_images(net: Network, device: torch.device, count: int = 10) -> dict[str, float]:
+    """Mean error over draws of some images of each real object, and their mean; empty where there are none."""
+    root, found = real_folder(), {}
+    for name in OBJECTS:
+        if root is None or not (root / f"{name}PNG").is_dir():
+            continue
+        capture = in_memory(load_capture(root / f"{name}PNG"))
+        assert capture.truth is not None
+        errors = []
+        for seed in range(DRAWS):
+            chosen = np.sort(np.random.default_rng(seed).permutation(len(capture.known_lights()))[:count])
+            seen = under(capture, chosen)
+            errors.append(score(on_mask(measured(net, seen, device), seen), capture.truth).mean_deg)
+        found[name] = float(np.mean(errors))
+    return found | ({"mean": float(np.mean(list(found.values())))} if found else {})
+
+
+def base(name: str) -> str:
+    """The recipe that another is compared with: of the data amounts, both sets, with or without prior."""
+    if not any(part in name for part in ("blobby", "sculpture", "both")):
+        return "paper"
+    return "paper-both-no-prior" if name.endswith("no-prior") else "paper-both"
+
+
+def compared(r: Result, other: Result | None, kind: str, mean: str, published: dict[str, float]) -> list[str]:
+    """A mean angle, how far it is from the other's, and how far that is in the paper."""
     name, ours = r["recipe"], r[kind].get(mean)
     cells = ["" if ours is None else f"{ours:.2f}", "", ""]
-    if name != "paper" and ours is not None and base is not None:
-        cells[1] = f"{ours - base[kind][mean]:+.2f}"
-    if name != "paper" and name in published:
-        cells[2] = f"{published[name] - published['paper']:+.2f}"
+    if name != base(name) and ours is not None and other is not None:
+        cells[1] = f"{ours - other[kind][mean]:+.2f}"
+    if name != base(name) and name in published:
+        cells[2] = f"{published[name] - published[base(name)]:+.2f}"
     return cells
 
 
-def table(results: list[dict]) -> None:
-    """Markdown; differences are from `paper` of the same seed."""
-    default = {r["seed"]: r for r in results if r["recipe"] == "paper"}
+def table(results: list[Result]) -> None:
+    """Markdown; differences are from the base of the same seed. Below it, how far seeds are apart."""
+    by_key = {(r["recipe"], r["seed"]): r for r in results}
     print_row(*COLUMNS)
     print_row(*["---"] * len(COLUMNS))
     for r in sorted(results, key=lambda r: (NAMES.index(r["recipe"]), r["seed"])):
-        base, hemisphere, real = default.get(r["seed"]), r["hemisphere"], r["real"]
+        other = by_key.get((base(r["recipe"]), r["seed"]))
+        hemisphere, real = r["hemisphere"], r["real"]
         print_row(
-            *[r["recipe"], str(r["seed"]), f"{r['parameters']:,}", f"{r['minutes']:.1f}"],
+            *[r["recipe"], str(r["seed"]), f"{r['parameters']:,}", f"{r['steps'] * r['batch']:,}"],
             f"{hemisphere['prior_deg']:.2f}" if "prior_deg" in hemisphere else "",
-            *compared(r, base, "hemisphere", "mean_deg", VALIDATION),
+            *compared(r, other, "hemisphere", "mean_deg", VALIDATION),
             *[f"{hemisphere['below_15']:.1f}", f"{r['10 images']['mean_deg']:.2f}", f"{r['clean']['mean_deg']:.2f}"],
             *[f"{real[o]:.2f}" if o in real else "" for o in OBJECTS],
-            *compared(r, base, "real", "mean", REAL),
+            *compared(r, other, "real", "mean", REAL),
+            f"{r['real, 10 images']['mean']:.2f}" if r["real, 10 images"] else "",
         )
+    for kind, mean in (("hemisphere", "mean_deg"), ("real", "mean")):
+        seeds = {n: [r[kind][mean] for r in results if r["recipe"] == n and mean in r[kind]] for n in NAMES}
+        apart = {n: max(v) - min(v) for n, v in seeds.items() if len(v) > 1}
+        if apart:
+            print(f"\nSeeds of one recipe apart, {kind}: " + ", ".join(f"{n} {d:.2f}" for n, d in apart.items()))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
     parser.add_argument("--recipes", nargs="+", choices=NAMES, default=NAMES)
-    parser.add_argument("--steps", type=int, default=400)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=30.0)
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--windows", type=int, default=6000)
     parser.add_argument("--device", default="auto")
+    parser.add_argument("--table", action="store_true", help="train nothing")
+    parser.add_argument("--curves", action="store_true", help="train nothing; draw the curves of --recipes and --seeds")
     given = parser.parse_args()
     given.out.mkdir(parents=True, exist_ok=True)
     device, file = torch_device(given.device), given.out / "results.jsonl"
+    if given.curves:
+        places = {f"{n} {s}": folder(given, n, s) for n in given.recipes for s in given.seeds}
+        drawn = [f"{label}={place}" for label, place in places.items() if (place / "journal.jsonl").exists()]
+        print(*figure("convergence", drawn, given.out / "figures"), sep="\n")
+        return
     lines = file.read_text().splitlines() if file.exists() else []
-    results = [r for line in lines if (r := json.loads(line))["steps"] == given.steps]
-    done = [r["recipe"] for r in results if r["seed"] == given.seed]
-    if missing := [name for name in given.recipes if name not in done]:
-        run = f"{given.steps}-{given.seed}"
-        scenes = rendered(given.out / f"scenes-{run}.pt", given.steps, given.seed, device)
-        for name in missing:
-            results.append(learned(name, given.out / f"{name}-{run}", given.steps, given.seed, scenes, device))
-            with file.open("a", encoding="utf-8") as opened:
-                opened.write(json.dumps(results[-1]) + "\n")
+    same = {"minutes": given.minutes, "windows": given.windows}
+    results = [r for line in lines if same.items() <= (r := json.loads(line)).items()]
+    done = {(r["recipe"], r["seed"]) for r in results}
+    missing = [(n, s) for s in given.seeds for n in given.recipes if (n, s) not in done and not given.table]
+    exams = examined(Stream, device, EXAM) if missing else {}
+    for name, seed in missing:
+        net = learned(name, seed, given, device)
+        results.append(exam(name, seed, net, exams, given, device))
+        with file.open("a", encoding="utf-8") as opened:
+            opened.write(json.dumps(results[-1]) + "\n")
     table(results)
 
 

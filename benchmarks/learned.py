@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,7 @@ from classical import OBJECTS, in_memory, print_row, under
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import configure
+from photonormal.solve import configure, method_class
 from photonormal.solve.contract import Method
 from photonormal.solve.engine import on_mask, run
 from photonormal.solve.engine.device import torch_device
@@ -43,8 +43,10 @@ def options(method: str, given: dict, captures: Table, device: torch.device) -> 
     """Passes, rotations, priors; seconds of all objects together."""
     print_row("options", *captures, "mean", "seconds")
     print_row(*["---"] * (len(captures) + 3))
-    tried = [{"passes": p} for p in (1, 2, 3)] if method == "normalnet" else [{}]
-    tried += [{"rotations": 4}, {"prior": "woodham"}, {"prior": "l1"}, {"prior": "rpca"}]
+    known = {field.name for field in fields(method_class(method))}
+    tried: list[dict] = [{"passes": p} for p in (1, 2, 3)] if "passes" in known else [{}]
+    tried += [{"rotations": 4}]
+    tried += [{"prior": name} for name in ("woodham", "l1", "rpca")] if "prior" in known else []
     for more in tried:
         start = time.perf_counter()
         errors = [mean_deg(configure(method, **given, **more), c, device) for c in captures.values()]

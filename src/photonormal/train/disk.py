@@ -105,7 +105,7 @@ class Disk:
         if found is None:
             found = s.read(key)
             size = int(np.prod(found.images.shape)) * np.dtype(found.images.dtype).itemsize  # type: ignore[attr-defined]
-            if self.room >= size:
+            if self.room >= size and not s.decoded:
                 self.room -= size
                 self.kept[s, key] = found
         return found

@@ -58,6 +58,7 @@ def train(
     start_from: str | Path | None = None,
     precision: Precision = "auto",
     data: Sequence[str | Path] = (),
+    clock: Callable[[], float] | None = None,
 ) -> Path:
     """Train the network of a recipe; returns the weights file, `out`/NAME.safetensors, its card beside it.
 
@@ -77,6 +78,7 @@ def train(
     precision : "float32" or "bf16" inside the network; "auto": the checkpoint's, or as the machine has instructions for
     data : folders of sets to learn from, in place of rendered scenes (`photonormal.train.sets`); each window is then
         used once, whatever the recipe's `reuse`
+    clock : seconds that `minutes` are measured by, in place of `time.monotonic`: `time.process_time` for processor time
 
     Raises
     ------
@@ -147,7 +149,8 @@ def train(
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
     journal = Journal(out, step, steps, minutes, recipe.loss) if rank == 0 else None
     fabric.barrier()
-    start = saved = time.monotonic()
+    clock = clock or time.monotonic
+    start, saved = clock(), time.monotonic()
 
     def validated() -> dict[str, dict[str, float]]:
         """Errors on every exam and on the real objects, written into the journal."""
@@ -167,7 +170,12 @@ def train(
         now = time.monotonic()
         if last or now - saved >= save_seconds:
             weights, state = net.state_dict(), optimiser.state_dict()
-            told = {"step": step, "seconds": before + now - start, "recipe": recipe.as_dict(), "precision": precision}
+            told = {
+                "step": step,
+                "seconds": before + clock() - start,
+                "recipe": recipe.as_dict(),
+                "precision": precision,
+            }
             told |= {"data": learned_from}
             checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
             saved = now
@@ -177,7 +185,7 @@ def train(
     first, spent = step, 0.0
     while step < steps:
         if step % CLOCK == 0 or step == first:
-            seconds = torch.tensor(before + time.monotonic() - start, device=fabric.device)
+            seconds = torch.tensor(before + clock() - start, device=fabric.device)
             spent = float(fabric.all_reduce(seconds, reduce_op="max")) / 60  # all processes stop at the same step
         fraction = max(step / steps, spent / minutes if minutes else 0.0)
         if fraction >= 1 and step:  # never a network of random weights
@@ -201,7 +209,7 @@ def train(
     path = out / f"{name}.safetensors"
     if journal:
         finish_step(last=True)
-        spent = (before + time.monotonic() - start) / 60
+        spent = (before + clock() - start) / 60
         told = {
             "recipe": recipe.as_dict(),
             "data": learned_from,

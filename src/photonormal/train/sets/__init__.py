@@ -42,11 +42,13 @@ class SampleSet(ABC):
     root : its folder
     training, validation : keys of the samples in each part of its split
     exposed : whether its pictures never met a camera: gain and noise come at run time
+    decoded : whether reading a sample costs no decoding, so that it need not be kept
     alike : whether all its samples have as many pictures, of one size
     """
 
     layout: ClassVar[str]
     exposed: ClassVar[bool] = False
+    decoded: ClassVar[bool] = False
     alike: ClassVar[bool] = True
     training: Sequence[str]
     validation: Sequence[str] = ()

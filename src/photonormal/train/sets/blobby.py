@@ -17,8 +17,7 @@ import numpy as np
 from photonormal.capture import blobby
 from photonormal.capture.assemble import Choice
 from photonormal.capture.texts import read_lines
-from photonormal.files.decode import decode
-from photonormal.files.plain import PNG_START
+from photonormal.files.decode import frame_of
 from photonormal.train.sets import SampleSet, Shape
 from photonormal.types import Capture, InputError
 
@@ -70,8 +69,7 @@ class BlobbySet(SampleSet):
         if not usable.all():
             dark = folder / names[int(usable.argmin())]
             raise InputError(f"the light of {dark} is no direction but the list needs one; correct it.")
-        within = os.path.join(folder, "")  # strings: paths take longer than the files
-        sizes = {path: size(path) for path in [str(blobby.normal_map(folder)), *(within + name for name in names)]}
+        sizes = {path: frame_of(path) for path in [blobby.normal_map(folder), *(folder / name for name in names)]}
         h, w = Counter(sizes.values()).most_common(1)[0][0]
         for path, (rows, columns) in sizes.items():
             if (rows, columns) != (h, w):
@@ -82,18 +80,3 @@ class BlobbySet(SampleSet):
 
     def read(self, key: str) -> Capture:
         return blobby.read(self.folder(key), Choice())
-
-
-def size(path: str) -> tuple[int, int]:
-    """Rows and columns of a picture: from the header where it is a PNG."""
-    try:
-        with open(path, "rb", buffering=0) as file:
-            head = file.read(24)
-    except FileNotFoundError:
-        raise InputError(f"picture {path} is missing; restore it.") from None
-    except OSError as error:
-        raise InputError(f"picture {path} can't be read ({error.strerror}); check the file.") from None
-    if head[:16] == PNG_START + b"\0\0\0\rIHDR" and len(head) == 24:
-        return int.from_bytes(head[20:24], "big"), int.from_bytes(head[16:20], "big")
-    h, w, _ = decode(Path(path)).shape
-    return h, w

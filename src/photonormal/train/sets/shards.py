@@ -17,6 +17,7 @@ class ShardSet(SampleSet):
     """Samples by `file:number`; all are learned from."""
 
     layout: ClassVar[str] = "shards"
+    decoded: ClassVar[bool] = True
     alike: ClassVar[bool] = False
 
     def __init__(self, root: Path) -> None:

@@ -174,6 +174,21 @@ def test_bad_pixels_never_give_bad_normals(method):
 
 
 @pytest.mark.parametrize("method", NEEDS)
+def test_samples_below_zero_are_dark(method):
+    """An ambient picture was subtracted: noise leaves unlit samples below zero, and one pixel in all pictures."""
+    capture = sphere(fibonacci_hemisphere(14))
+    images = np.asarray(capture.images).copy()
+    images[images == 0] = -0.02
+    row, column = (v[0] for v in np.nonzero(capture.mask))
+    images[:, row, column] = -0.02
+    below, at = (
+        solve(Capture(I, capture.mask, capture.lights), method, device="cpu") for I in (images, images.clip(0))
+    )
+    assert np.isfinite(below.map).all() and not below.mask[row, column]
+    np.testing.assert_array_equal(below.map, at.map)
+
+
+@pytest.mark.parametrize("method", NEEDS)
 def test_duplicate_lights_do_no_harm(method):
     capture = sphere(np.concatenate([cone(10), cone(10)[:4]]))
     assert np.isfinite(solve(capture, method, device="cpu").map).all()

@@ -1,5 +1,8 @@
 """The learned methods: right weights in, normals out; wrong ones are refused in one line."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 import torch
 
@@ -35,6 +38,17 @@ def test_own_weights_measure(method):
     assert method.weights_sha256 == checksum(method.file)
 
 
+def test_samples_below_zero_are_dark(method):
+    """An ambient picture was subtracted: noise leaves unlit samples below zero, and one pixel in all pictures."""
+    capture = lambertian(sphere(24), ring(5, 60))
+    images = np.asarray(capture.images).copy()
+    images[images < 0.02] = -0.05
+    images[:, 12, 12] = -0.05
+    below, at = (on_mask(run(method, replace(capture, images=I), CPU), capture) for I in (images, images.clip(0)))
+    assert (images[:, capture.mask] < 0).any() and np.isfinite(below.map).all()
+    np.testing.assert_array_equal(below.map, at.map)
+
+
 def test_weights_of_another_method_are_refused(method):
     capture = lambertian(sphere(24), ring(5))
     for other in SMALL:
@@ -44,8 +58,6 @@ def test_weights_of_another_method_are_refused(method):
 
 
 def test_captures_without_lights_are_refused(method):
-    from dataclasses import replace
-
     with pytest.raises(InputError, match="no light directions"):
         run(method, replace(lambertian(sphere(24), ring(5)), lights=None), CPU)
 

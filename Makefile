@@ -2,12 +2,13 @@ VENV ?= .venv
 PYTHON ?= python3
 READY := $(VENV)/.ready
 
-.PHONY: help demo test fuzz check clean
+.PHONY: help demo test fuzz crash check clean
 
 help:
 	@echo "make demo   install, then measure the capture that comes with the package"
 	@echo "make test   install, then run the tests"
 	@echo "make fuzz   install, then damage 10,000 captures and 2,000 stored files at random and read them"
+	@echo "make crash  kill commands 1,500 times and look at what is left; takes an hour or more"
 	@echo "make check  what a change must pass: format, lint, types, tests"
 
 $(READY): pyproject.toml constraints.txt
@@ -27,6 +28,9 @@ test: $(READY)
 fuzz: $(READY)
 	$(VENV)/bin/python -m tests.fuzz.stored_files --count 2000
 	$(VENV)/bin/python -m tests.fuzz.captures --cases 10000
+
+crash: $(READY)
+	$(VENV)/bin/python -m tests.crash.crash --kills 100
 
 check: $(READY)
 	VENV=$(VENV) scripts/check

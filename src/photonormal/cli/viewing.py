@@ -12,10 +12,10 @@ from photonormal.options import Port, Positive
 
 @dataclass(frozen=True)
 class View:
-    """A page in the browser to relight, turn, measure and compare results; Ctrl-C ends it."""
+    """A page in the browser to relight, turn, measure and compare results, or to mark photographs; Ctrl-C ends it."""
 
     folders: Positional[tuple[Path, ...]]
-    """Folders that `measure` wrote."""
+    """Folders that `measure` wrote; or one folder of photographs, to mark its mask, a sphere, pictures to leave out."""
     capture: Path | None = None
     """The photographs of the first result, where they are no longer where its report says."""
     mm_per_px: Positive | None = None
@@ -26,9 +26,9 @@ class View:
     """Open a browser; its address is printed in either case."""
 
     def __call__(self) -> int:
-        from photonormal.view.server import serve_results
+        from photonormal.view.server import open_pages
 
-        serve_results(self.folders, self.capture, self.mm_per_px, port=self.port, browser=self.browser)
+        open_pages(self.folders, self.capture, self.mm_per_px, port=self.port, browser=self.browser)
         return 0
 
 

@@ -8,33 +8,35 @@ import sys
 import webbrowser
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+from photonormal.export.folder import REPORT
+from photonormal.stored import decoded
 from photonormal.types import InputError
-from photonormal.view.result import Shown, open_result
-from photonormal.view.show import result_page
+from photonormal.view.marking import Marking, Marks, Outline
+from photonormal.view.result import Shown, is_result, open_result
+from photonormal.view.show import marking_page, result_page
 
-if TYPE_CHECKING:
-    from fastapi import FastAPI
+try:
+    import uvicorn
+    from fastapi import FastAPI, HTTPException, Request, Response
+    from fastapi.concurrency import run_in_threadpool
+    from fastapi.responses import HTMLResponse, JSONResponse
+except ModuleNotFoundError:
+    raise InputError(
+        "`photonormal view` needs FastAPI and uvicorn, which are not here; install them: pip install "
+        "'photonormal[view]'. `photonormal export RESULT --page FILE.html` does without."
+    ) from None
 
 HOST = "127.0.0.1"
 
 
 def application(token: str) -> FastAPI:
     """An application without pages yet, whose answers are never kept or taken for something else."""
-    try:
-        from fastapi import FastAPI
-    except ModuleNotFoundError:
-        raise InputError(
-            "`photonormal view` needs FastAPI and uvicorn, which are not here; install them: pip install "
-            "'photonormal[view]'. `photonormal export RESULT --page FILE.html` does without."
-        ) from None
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.middleware("http")
-    async def guarded(request, call_next):  # pyright: ignore[reportUnusedFunction]
-        from fastapi import Response
-
+    async def guarded(request: Request, call_next: Any) -> Response:  # pyright: ignore[reportUnusedFunction]
         host = request.headers.get("host", "").rsplit(":", 1)[0]
         if host not in (HOST, "localhost") or not secrets.compare_digest(request.url.path.split("/")[1], token):
             return Response(status_code=404)
@@ -51,9 +53,6 @@ def application(token: str) -> FastAPI:
 def results_application(shown: Sequence[Shown], token: str) -> FastAPI:
     """The page of some results, and their tiles."""
     app = application(token)
-    from fastapi import HTTPException, Response
-    from fastapi.responses import HTMLResponse
-
     page = result_page([s.about for s in shown])
 
     @app.get(f"/{token}/", response_class=HTMLResponse)
@@ -82,7 +81,7 @@ def serve(
     Parameters
     ----------
     port : 0 for a free one
-    browser : open the page; `say` tells its address where none opens, or where none is wanted
+    browser : open the page; its address is printed in either case
 
     Raises
     ------
@@ -91,8 +90,6 @@ def serve(
     """
     token = secrets.token_urlsafe(16)
     app = make(token)
-    import uvicorn
-
     listening = socket.socket()
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1) if sys.platform != "win32" else None
     try:
@@ -103,21 +100,78 @@ def serve(
         raise InputError(f"port {port} is taken or not allowed; choose another --port, or leave it out.") from None
     address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
-    say(address)
+    print(address, flush=True)
     if browser and not webbrowser.open(address):
-        say("No browser opens from here; open the address above in one on this machine.")
+        print("No browser opens from here; open the address above in one on this machine.", flush=True)
     server.run(sockets=[listening])
 
 
-def serve_results(
+def marking_application(marking: Marking, token: str) -> FastAPI:
+    """The page that marks photographs; what it sends is checked, what it saves goes into the photographs' folder."""
+    app = application(token)
+    page = marking_page(marking.about())
+
+    @app.get(f"/{token}/", response_class=HTMLResponse)
+    def whole() -> str:  # pyright: ignore[reportUnusedFunction]
+        return page
+
+    @app.get(f"/{token}/picture/{{j}}")
+    def picture(j: int) -> Response:  # pyright: ignore[reportUnusedFunction]
+        if not 0 <= j < len(marking.names):
+            raise HTTPException(404)
+        return Response(marking.picture(j), media_type="image/webp")
+
+    @app.get(f"/{token}/mask")
+    def mask() -> Response:  # pyright: ignore[reportUnusedFunction]
+        return Response(marking.mask_bytes(), media_type="application/octet-stream")
+
+    async def answered(request: Request, kind: Any, act: Callable[[Any], dict[str, Any]]) -> JSONResponse:
+        try:
+            asked = decoded(await request.body(), kind, "what the page sent", "reload it")
+            return JSONResponse(await run_in_threadpool(act, asked))
+        except InputError as error:
+            return JSONResponse({"problem": str(error)})
+
+    @app.post(f"/{token}/sphere")
+    async def sphere(request: Request) -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
+        return await answered(request, Outline, marking.sphere)
+
+    @app.post(f"/{token}/sphere/found")
+    async def found() -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
+        try:
+            return JSONResponse(await run_in_threadpool(marking.sphere, None))
+        except InputError as error:
+            return JSONResponse({"problem": str(error)})
+
+    @app.post(f"/{token}/save")
+    async def save(request: Request) -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
+        return await answered(request, Marks, marking.save)
+
+    return app
+
+
+def open_pages(
     folders: Sequence[str | Path],
     capture: str | Path | None = None,
     mm_per_px: float | None = None,
     port: int = 0,
     browser: bool = True,
 ) -> None:
-    """Serve the page of result folders; `capture` holds the photographs of the first."""
-    if not folders:
-        raise InputError("no result was named; give a folder that `photonormal measure` wrote.")
-    shown = [open_result(f, capture if k == 0 else None, mm_per_px) for k, f in enumerate(folders)]
-    serve(lambda token: results_application(shown, token), port, browser, lambda text: print(text, flush=True))
+    """Serve the page of result folders, or the one that marks the photographs of a folder; until it is interrupted.
+
+    Parameters
+    ----------
+    folders : results, or one folder of photographs
+    capture : the photographs of the first result, where its report does not find them
+    mm_per_px : millimetres that a pixel is wide, where the reports do not say
+    port, browser : as for `serve`
+    """
+    paths = [Path(f) for f in folders]
+    if not paths:
+        raise InputError("no folder was named; give one that `photonormal measure` wrote, or one of photographs.")
+    if len(paths) == 1 and paths[0].is_dir() and not (paths[0] / REPORT).exists() and not is_result(paths[0]):
+        marking = Marking(paths[0])
+        serve(lambda token: marking_application(marking, token), port, browser)
+        return
+    shown = [open_result(f, capture if k == 0 else None, mm_per_px) for k, f in enumerate(paths)]
+    serve(lambda token: results_application(shown, token), port, browser)

@@ -42,6 +42,14 @@ def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None 
     )
 
 
+def marking_page(about: dict[str, Any]) -> str:
+    """The page that marks the photographs that the dictionary tells about."""
+    scripts = [read(f"{name}.js") for name in ("base", "source", "gl", "tiles", "light", "brush", "mark", "marking")]
+    data = {"tiles": None, **about}
+    styles = [read("view.css"), read("mark.css")]
+    return document(f"{about['title']} - photonormal", read("mark.html"), styles, scripts, data, served=True)
+
+
 def export_page(
     folder: str | Path,
     out: str | Path,

@@ -8,8 +8,11 @@ import sys
 import numpy as np
 import pytest
 
+import photonormal as pn
+from photonormal.capture import images, store
 from photonormal.cli import main
 from photonormal.export import load_normals
+from photonormal.export.result import photograph
 from photonormal.solve import DEFAULT
 from photonormal.types import Capture
 from tests.scenes import lambertian, ring, sphere, write_diligent
@@ -42,6 +45,25 @@ def test_every_file_is_written_and_the_normals_are_right(folder, tmp_path, capsy
     assert set(report["seconds"]) == stages
     assert report["score"]["mean_deg"] < 2  # a few lights leave the rim in attached shadow
     assert "degrees against the true normals" in out
+
+
+@pytest.mark.parametrize("method", ["woodham", "lambertian-prior", "normalnet"])
+@pytest.mark.parametrize("where", ["memory", "scratch"])
+def test_every_picture_is_decoded_once(folder, monkeypatch, method, where):
+    """By the whole of a measurement: report, checks, normals in several passes, expected errors, albedo, preview."""
+    decoded, decode = [], images.decode
+
+    def counted(path, frame=None):
+        decoded.append(path.name)
+        return decode(path, frame)
+
+    monkeypatch.setattr(images, "decode", counted)
+    if where == "scratch":
+        monkeypatch.setattr(store, "SHARE", 10**9)
+        monkeypatch.setattr(store, "SIDE", 16)
+    result = pn.measure(pn.load(folder), method, device="cpu")
+    photograph(result)
+    assert sorted(decoded) == sorted({f"{j + 1:03d}.png" for j in range(9)})
 
 
 def test_score_prints_one_json_object_with_the_contract_s_names(folder, tmp_path, capsys):

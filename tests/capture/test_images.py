@@ -1,11 +1,14 @@
 """Pictures become radiance divided by the light's intensity; masks become True and False."""
 
+import shutil
+import tempfile
+
 import numpy as np
 import pytest
 
-from photonormal.capture import images as module
-from photonormal.capture.images import ImageFiles, bounding_box, read_mask, srgb_to_linear
-from photonormal.types import Capture
+from photonormal.capture import store
+from photonormal.capture.images import ImageFiles, read_mask, srgb_to_linear
+from photonormal.types import Capture, box_of
 from tests.capture.files import LIGHTS, MASK, box, refusal, samples, write_picture
 
 ONE = np.ones((4, 1))
@@ -36,14 +39,35 @@ def test_a_second_pass_gives_the_same_without_the_files(paths):
         np.testing.assert_array_equal(files[j], first[j])
 
 
-def test_nothing_is_kept_beyond_the_limit(paths, monkeypatch):
+def test_beyond_the_memory_allowed_a_scratch_file_keeps_them(paths, monkeypatch, tmp_path):
     kept = ImageFiles(paths, None, ONE)
-    monkeypatch.setattr(module, "KEEP_BYTES", 4 * 24 * 30 * 3 * 2 - 1)
+    monkeypatch.setattr(store, "SHARE", 10**9)
+    monkeypatch.setattr(store, "SIDE", 7)
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", None)
     files = ImageFiles(paths, None, ONE)
+    before = set(tmp_path.iterdir())
     for j in range(4):
         np.testing.assert_array_equal(files[j], kept[j])
-    paths[2].unlink()
-    assert "is missing" in refusal(files.__getitem__, 2)
+    for path in paths:
+        path.unlink()
+    for rows, columns in ((slice(0, 3), slice(0, 30)), (slice(5, 23), slice(6, 21)), (slice(13, 14), slice(14, 15))):
+        np.testing.assert_array_equal(files.window(2, rows, columns), kept[2][rows, columns])
+    assert set(tmp_path.iterdir()) <= before  # it has no name: nothing is left after a crash
+
+
+def test_no_room_for_the_scratch_file(paths, monkeypatch):
+    monkeypatch.setattr(store, "SHARE", 10**9)
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(10**6, 10**6, 1000))
+    files = ImageFiles(paths, None, ONE)
+    assert "need a scratch file of" in (said := refusal(files.__getitem__, 0)) and "--memory" in said, said
+
+
+@pytest.mark.parametrize("mask", [None, MASK])
+def test_windows_are_parts_of_pictures(paths, mask):
+    files = ImageFiles(paths, mask, ONE)
+    for rows, columns in ((slice(0, 24), slice(0, 30)), (slice(2, 11), slice(12, 40)), (slice(0, 2), slice(0, 2))):
+        np.testing.assert_array_equal(files.window(1, rows, columns), files[1][rows, columns])
 
 
 def test_images_own_their_memory(paths):
@@ -164,10 +188,10 @@ class TestMasks:
 
 class TestBox:
     def test_it_is_the_smallest(self):
-        assert bounding_box(MASK) == (slice(9, 14), slice(10, 18))
+        assert box_of(MASK) == (slice(9, 14), slice(10, 18))
 
     def test_a_margin_stays_in_the_frame(self):
-        assert bounding_box(MASK, 11) == (slice(0, 24), slice(0, 29))
+        assert box_of(MASK, 11) == (slice(0, 24), slice(0, 29))
 
     def test_of_nothing_it_is_all(self):
-        assert bounding_box(MASK & False, 2) == (slice(0, 24), slice(0, 30))
+        assert box_of(MASK & False, 2) == (slice(0, 24), slice(0, 30))

@@ -11,7 +11,7 @@ import numpy as np
 from photonormal.bench.benchmarks import FAULTY, Item
 from photonormal.capture.assemble import parse_images
 from photonormal.stored import read_bytes
-from photonormal.types import Capture, Image, Images, InputError
+from photonormal.types import Capture, Image, Images, InputError, window_of
 
 
 @dataclass(frozen=True)
@@ -131,6 +131,10 @@ class Chosen:
 
     def __getitem__(self, j: int, /) -> Image:
         return self.images[self.indices[j]]
+
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of one picture."""
+        return window_of(self.images, self.indices[j], rows, columns)
 
 
 def selected(capture: Capture, selection: Selection) -> Capture:

@@ -12,13 +12,13 @@ import numpy as np
 
 from photonormal.capture.corrections import Corrected, flat_field, hot_pixels, read_frame
 from photonormal.capture.exif import declared_srgb, exposures
-from photonormal.capture.images import ImageFiles, Picture, parts, read_mask
+from photonormal.capture.images import MARGIN, ImageFiles, Picture, parts, read_mask
 from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import in_order_of, placed, read_lights
 from photonormal.capture.texts import read_intensities
 from photonormal.files.decode import SUFFIXES, frame_of
 from photonormal.geometry import in_frame
-from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals
+from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of
 
 
 @dataclass(frozen=True)
@@ -112,9 +112,10 @@ def assemble(
     srgb = choice.srgb or (not choice.linear and declared_srgb(parts(pictures[chosen[0]])[0]))
     box = None if choice.lens else mask
     samples = ImageFiles([pictures[j] for j in chosen], box, intensities[chosen], srgb, distinct=True)
-    images, lens = corrected(samples, choice)
+    lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
+    images = corrected(samples, choice, lens, None if mask is None else box_of(mask, MARGIN))
     if lamps is None:
         h, w = samples.shape[1:3]
         lamps, camera = placed(lights, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, (h, w))
@@ -145,9 +146,8 @@ def refuse_repeated(paths: Sequence[Path]) -> None:
             )
 
 
-def corrected(files: ImageFiles, choice: Choice) -> tuple[Images, Lens | None]:
-    """The pictures without what `choice` names: dark level, flat field, hot pixels, distortion; and the lens."""
-    lens = read_lens(choice.lens) if choice.lens else None
+def corrected(files: ImageFiles, choice: Choice, lens: Lens | None, box: tuple[slice, slice] | None) -> Images:
+    """The pictures without what `choice` names: dark level, flat field, hot pixels, and the lens's distortion."""
     shape, linear = files.shape[1:], files.linear
     dark = read_frame(choice.dark, shape, "dark frame", linear) if choice.dark else None
     flat = None
@@ -157,13 +157,13 @@ def corrected(files: ImageFiles, choice: Choice) -> tuple[Images, Lens | None]:
     if choice.hot_pixels:
         level = dark
         if level is None:
-            level = files[0] * files.intensities[0]
+            level = files.decoded(0) * files.intensities[0]
             for j in range(1, len(files)):
-                level = np.minimum(level, files[j] * files.intensities[j])
+                level = np.minimum(level, files.decoded(j) * files.intensities[j])
         hot = hot_pixels(level)
     if lens is None and dark is None and flat is None and hot is None:
-        return files, None
-    return Corrected(files, dark, flat, hot, lens), lens
+        return files
+    return Corrected(files, dark, flat, hot, lens, box)
 
 
 def known_normals(map: np.ndarray) -> Normals:

@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 
 from photonormal.capture.images import ImageFiles
 from photonormal.capture.lens import Lens
+from photonormal.capture.store import Framed
 from photonormal.files.decode import decode, frame_of, full_scale
 from photonormal.types import Image, InputError
 
@@ -29,6 +30,7 @@ class Corrected:
     flat : (h, w, 1 or c) relative brightness of an even white surface; or None
     hot : (h, w) bool, pixels to be replaced by the median of their neighbours; or None
     lens : whose distortion is taken out; or None
+    box : rows and columns outside of which the corrected pictures are zero
     """
 
     def __init__(
@@ -38,12 +40,25 @@ class Corrected:
         flat: np.ndarray | None = None,
         hot: Bool[np.ndarray, "h w"] | None = None,
         lens: Lens | None = None,
+        box: tuple[slice, slice] | None = None,
     ):
         self.images, self.dark, self.flat, self.hot, self.lens = images, dark, flat, hot, lens
         self.shape, self.dtype, self.intensities = images.shape, images.dtype, images.intensities
+        box = (slice(0, self.shape[1]), slice(0, self.shape[2])) if box is None else box
+        self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: self._corrected(j)[box])
 
     def __getitem__(self, j: int) -> Image:
-        image = self.images[j]
+        return self.window(j, slice(None), slice(None))
+
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of picture `j`; each is corrected once, and kept."""
+        size, at, samples = self._kept.window(j, rows, columns)
+        image = np.zeros((*size, self.shape[3]), np.float32)
+        image[at] = samples
+        return image
+
+    def _corrected(self, j: int) -> Image:
+        image = self.images.decoded(j)
         if self.dark is not None:
             image = np.maximum(image - self.dark / self.intensities[j], 0)
         if self.hot is not None and self.hot.any():

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.capture.store import Framed
 from photonormal.files.decode import RAW, decode, decode_all, frame_of, full_scale
-from photonormal.types import Image, InputError
+from photonormal.types import Image, InputError, box_of
 
 Picture = Path | tuple[Path, ...]  # a file, or several whose sum is the picture
 
-KEEP_BYTES = 2**31  # decoded pictures are kept up to this size, and decoded again beyond it
 ROWS = 8  # every so many rows of a picture tell whether another may be equal
 MARGIN = 8  # pixels kept around the mask's bounding box
 
@@ -44,9 +44,8 @@ def read_mask(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
 class ImageFiles:
     """`n` pictures of one size as a sequence of linear radiance (h, w, c) float32 (`photonormal.types.Images`).
 
-    Decodes a file when it is asked for. The mask's bounding box with a margin is kept as the file stores it, so that a
-    second pass costs no decoding, as long as all boxes fit KEEP_BYTES; outside the box images are zero. Threads may
-    share it: at worst two of them decode the same file.
+    Decodes each file once, when it is asked for. The mask's bounding box with a margin is kept as the file stores it,
+    in memory or in a scratch file (`capture.store`); outside the box images are zero. Threads may share it.
 
     Parameters
     ----------
@@ -71,7 +70,7 @@ class ImageFiles:
         first = _decode(pictures[0], self.frame)
         n, (h, w, c) = len(pictures), first.shape
         self.pictures = pictures
-        self.shape = (n, h, w, c)
+        self.shape: tuple[int, int, int, int] = (n, h, w, c)
         self.dtype = first.dtype
         if c == 1:  # colour intensities of a grey picture
             intensities = intensities.mean(1, keepdims=True)
@@ -80,14 +79,12 @@ class ImageFiles:
         self.scale = np.float32(1 / scale)
         encoded = srgb and self.dtype.kind == "u" and parts(pictures[0])[0].suffix.lower() not in RAW
         self.linear = srgb_to_linear(np.arange(scale + 1) / scale) if encoded else None
-        self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else bounding_box(mask, MARGIN)
-        self.keeps = first[self.box].nbytes * n <= KEEP_BYTES
-        self._kept: list[np.ndarray | None] = [None] * n
+        self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else box_of(mask, MARGIN)
+        self._first: np.ndarray | None = first[self.box]
+        self._kept = Framed(self.shape, self.box, self.dtype, self._samples)
         self._seen: dict[int, int] = {}  # digest of some rows -> the picture that has them
         self.distinct = distinct
         self._refuse_equal(0, first[self.box])
-        if self.keeps:
-            self._kept[0] = np.ascontiguousarray(first[self.box])
 
     @property
     def saturation(self) -> np.ndarray | None:
@@ -96,9 +93,9 @@ class ImageFiles:
 
     def _samples(self, j: int) -> np.ndarray:
         """What the file of picture `j` stores inside the box."""
-        kept = self._kept[j]
-        if kept is not None:
-            return kept
+        if j == 0 and self._first is not None:
+            first, self._first = self._first, None
+            return first
         samples = _decode(self.pictures[j], self.frame)
         if samples.shape != self.shape[1:] or samples.dtype != self.dtype:
             raise InputError(
@@ -106,11 +103,8 @@ class ImageFiles:
                 f"{parts(self.pictures[0])[0].name} is {self.shape[1:]} {self.dtype}; all pictures of a capture need "
                 "one size, one number of channels and one bit depth."
             )
-        crop = samples[self.box]
-        self._refuse_equal(j, crop)
-        if self.keeps:
-            crop = self._kept[j] = np.ascontiguousarray(crop)
-        return crop
+        self._refuse_equal(j, samples[self.box])
+        return samples[self.box]
 
     def _refuse_equal(self, j: int, crop: np.ndarray) -> None:
         """Raise where another picture has the very samples of picture `j`: it was taken once, whatever its names.
@@ -129,12 +123,23 @@ class ImageFiles:
         )
 
     def __getitem__(self, j: int) -> Image:
-        samples, scale = self._samples(j), self.scale
+        return self.window(j, slice(None), slice(None))
+
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of picture `j`."""
+        return self._linear(j, *self._kept.window(j, rows, columns))
+
+    def decoded(self, j: int) -> Image:
+        """Picture `j`, decoded anew and not kept."""
+        return self._linear(j, self.shape[1:3], self.box, self._samples(j))
+
+    def _linear(self, j: int, size: tuple[int, ...], at: tuple[slice, slice], samples: np.ndarray) -> Image:
+        """Linear radiance of a part of a picture whose samples lie at `at`; zero around them."""
+        (h, w), c, scale = size, self.shape[3], self.scale
         if self.linear is not None:
             samples, scale = self.linear[samples], np.float32(1)
-        _, h, w, c = self.shape
         image = np.zeros((h, w * c), np.float32)  # whole rows: numpy is slow where it scales three channels at a time
-        rows, columns = self.box
+        rows, columns = at
         out = image[rows, columns.start * c : columns.stop * c]
         np.multiply(samples.reshape(out.shape), np.tile(scale / self.intensities[j], out.shape[1] // c), out=out)
         return image.reshape(h, w, c)
@@ -152,14 +157,3 @@ def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarra
         names = ", ".join(f"{path} {f.shape}" for path, f in zip(parts(picture), files, strict=True))
         raise InputError(f"the parts of a picture differ in size ({names}) but are added; export them again.")
     return np.sum([f / np.float32(full_scale(f)) for f in files], axis=0)
-
-
-def bounding_box(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of the smallest box around the mask, grown by `margin` pixels within the frame."""
-    spans = []
-    for axis, size in zip((1, 0), mask.shape, strict=True):
-        inside = np.flatnonzero(mask.any(axis))
-        if not inside.size:
-            return slice(0, mask.shape[0]), slice(0, mask.shape[1])
-        spans.append(slice(max(0, int(inside[0]) - margin), min(size, int(inside[-1]) + 1 + margin)))
-    return spans[0], spans[1]

@@ -25,7 +25,8 @@ def write_result(
 
     normals.png and normals.npz, albedo.png, depth.npz and mesh.ply (where depth was found), preview.png,
     expected-error.png, error.png (where the truth is known) and report.json. `frame` is that of normals.png, a key of
-    photonormal.geometry.FRAMES; normals.npz keeps ours. `read` says how the capture was read (`photonormal.capture.told`).
+    photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
+    `photonormal.capture.told` says it.
     """
     start = time.perf_counter()
     normals, surface = result.normals, result.surface

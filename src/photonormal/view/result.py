@@ -11,7 +11,7 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 from photonormal.capture import DEMO, load
-from photonormal.capture.images import MARGIN, bounding_box
+from photonormal.capture.images import MARGIN
 from photonormal.export import load_normals
 from photonormal.export.folder import REPORT
 from photonormal.export.mesh import display, read_depth
@@ -19,7 +19,7 @@ from photonormal.export.pictures import read_albedo
 from photonormal.options import NotNegative, Positive, Whole, check_value
 from photonormal.score import error_map_deg
 from photonormal.stored import read_json
-from photonormal.types import Capture, InputError, Surface
+from photonormal.types import Capture, InputError, Surface, box_of
 from photonormal.view.planes import (
     LEVELS_PER_DEGREE,
     UNIT,
@@ -119,7 +119,7 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
     folder = Path(folder)
     report = _report(folder)
     normals = load_normals(folder)
-    box = bounding_box(normals.mask, MARGIN)
+    box = box_of(normals.mask, MARGIN)
     map = normals.map[box]
     shape = map.shape[:2]
     layers = {"normals": normals_plane(map)}

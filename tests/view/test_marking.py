@@ -62,7 +62,7 @@ def test_the_mask_is_suggested_and_found_again(folder):
     assert again.origin == "mask.png" and (again.mask == painted).all()
 
 
-def test_a_sphere_gives_lights_that_measure_finds(folder, tmp_path):
+def test_a_sphere_gives_lights_that_measure_finds(folder):
     marking = Marking(folder)
     seen = marking.sphere(Outline(*BALL))
     assert angle_deg(np.array(seen["lights"]), L).max() < 1.5 and len(seen["highlights"]) == len(L)
@@ -70,7 +70,7 @@ def test_a_sphere_gives_lights_that_measure_finds(folder, tmp_path):
     assert marking.save(marks)["saved"] == ["mask.png", "lights.lp"]
     capture = load(folder)
     assert angle_deg(capture.lights, np.delete(L, 3, axis=0)).max() < 1 and "04.png" not in capture.image_names
-    report = measure(folder, tmp_path / "out", method="woodham")
+    report = measure(load(folder), "woodham").report
     assert report["lights"] == len(L) - 1 and abs(report["pixels"]["mask"] - np.pi * DISC[2] ** 2) < 300
     assert Marking(folder).about()["left_out"] == [3]
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import photonormal
-from photonormal.calibrate.circle import Circle
+from photonormal.calibrate.circle import Circle, SphereError
 from photonormal.calibrate.mirror import mean_directions, nearest_point
 from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
 from photonormal.capture import files_read, load
-from photonormal.capture.assemble import find_mask, find_pictures
-from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.capture.assemble import find_mask, find_pictures, parse_images
+from photonormal.capture.images import ImageFiles, parts, read_mask
 from photonormal.capture.texts import read_lines
 from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
@@ -43,6 +43,7 @@ def calibrate(
     focal_px: float | None = None,
     radius_mm: float | None = None,
     frame: str = "opengl",
+    skip: str = "",
     overwrite: bool = False,
 ) -> dict[str, Any]:
     """Light directions from photographs of one or several mirror spheres.
@@ -57,15 +58,16 @@ def calibrate(
     focal_px : focal length in pixels, for spheres near the camera; None: orthographic
     frame : of what is written, a key of photonormal.geometry.FRAMES
     radius_mm : the spheres' radius; with two or more in one frame the lights' positions are found and written too
+    skip : photographs left out, numbers and ranges from 1: "3,7-9"
 
     Returns
     -------
-    The report, as written.
+    The report, as written: of the lights whose highlights every sphere shows.
 
     Raises
     ------
     InputError
-        If a sphere, a highlight or a picture is missing; then nothing has been written.
+        If a sphere, several highlights or a picture are missing; of what was looked at `<out>_refused.png` is written.
     """
     out = Path(out)
     if out.suffix.lower() != ".lp":
@@ -76,6 +78,7 @@ def calibrate(
         "report": out.with_suffix(".json"),
         "picture": out.with_name(f"{out.stem}_spheres.png"),
     }
+    refused = out.with_name(f"{out.stem}_refused.png")
     given = [_circle(c) for c in circles]
     if radius_mm is not None and len(spheres) * count > 1:
         files["positions"] = out.with_name("light_positions.txt")
@@ -89,6 +92,10 @@ def calibrate(
     places = [Path(folder), *(Path(p) for p in spheres if str(p) != AUTO)]
     refuse_taken(files.values(), overwrite, reads=[*photographs, *(p for place in places for p in pictures_of(place))])
     names = [p.name for p in photographs]
+    dropped = set(parse_images(skip, len(names), "--skip")) if skip.strip() else set()
+    kept = [j for j in range(len(names)) if j not in dropped]
+    if not kept:
+        raise InputError(f"--skip {skip} leaves out all {len(names)} photographs; leave out fewer.")
     camera, found, pictures = Camera(focal_px), [], []
     for k, place in enumerate(spheres):
         path = Path(folder) if str(place) == AUTO else Path(place)
@@ -98,9 +105,25 @@ def calibrate(
                 f"{len(given)} circles came for {len(spheres) * count} spheres; give one for each, or none."
             )
         with progress(f"spheres in {path.name}"):
-            here, brightest = _spheres(path, names, share, count, camera)
+            images = _images(path, names, kept)
+            try:
+                here = _spheres(path, images, share, count, camera)
+            except SphereError as refusal:
+                with at_once(out.parent) as batch:
+                    batch.write(refused.name, encode_png(drawn(_brightest(images), [], refusal.circles)))
+                raise InputError(f"{refusal} {refused} shows it.") from None
         found += here
-        pictures.append(drawn(brightest, here))
+        pictures.append(drawn(_brightest(images), here))
+    names = [names[j] for j in kept]
+    warnings = [line for s in found for line in s.doubts(names)]
+    shown = np.all([np.isfinite(s.L).all(1) for s in found], axis=0)
+    if not shown.all():
+        missing = [name for name, there in zip(names, shown, strict=True) if not there]
+        warnings.append(
+            f"no highlight was found on the sphere in {', '.join(missing)}: the light is off there, or behind the "
+            f"sphere; the other {shown.sum()} lights were written."
+        )
+        names, found = [name for name in names if name not in missing], [s.of(shown) for s in found]
     L = mean_directions([s.L for s in found])  # (n, 3)
     written = in_frame(L, frame)
     content: dict[str, Any] = {
@@ -109,17 +132,25 @@ def calibrate(
         "frame": frame,
         "axes": "from the object to the light; opengl: x right, y up, z to the camera",
         "view": "orthographic" if focal_px is None else f"perspective, focal length {focal_px:g} px",
-        "spheres": [{"folder": s.where, "circle": asdict(s.circle), "confidence_elsewhere": s.rival} for s in found],
+        "spheres": [
+            {
+                "folder": s.where,
+                "circle": asdict(s.circle),
+                "confidence": s.confidence,
+                "confidence_elsewhere": s.rival,
+            }
+            for s in found
+        ],
         "lights": [
             {
                 "picture": name,
                 "direction": written[j],
                 "off_mean_deg": [round(float(angle_deg(s.L[j], L[j])), 4) for s in found],
-                "highlights": [asdict(s.highlights[j]) for s in found],
+                "highlights": [asdict(h) for s in found if (h := s.highlights[j])],
             }
             for j, name in enumerate(names)
         ],
-        "warnings": [line for s in found for line in s.doubts(names)],
+        "warnings": warnings,
     }
     tables = {"table": written}
     if radius_mm is not None and len(found) > 1:
@@ -141,6 +172,8 @@ def calibrate(
         batch.write(files["report"].name, as_json(content))
         batch.write(files["picture"].name, encode_png(beside(pictures)))
         batch.write(out.name, text.lp(names, written))
+        if refused.is_file():
+            batch.remove.append(refused.name)
     return content | {"files": [str(p) for p in files.values()]}
 
 
@@ -320,27 +353,26 @@ def pictures_of(folder: Path) -> list[Path]:
     return [*find_pictures(folder), *([mask] if mask else [])]
 
 
-def _spheres(
-    folder: Path, names: Sequence[str], circles: Sequence[Circle], count: int, camera: Camera
-) -> tuple[list[Sphere], np.ndarray]:
-    """The spheres of a folder under the lights of the pictures `names`, and the brightest value of every pixel."""
+def _images(folder: Path, names: Sequence[str], kept: Sequence[int]) -> ImageFiles:
+    """The sphere's pictures of a folder that belong to those `kept` of the object's pictures `names`."""
     paths = _in_order_of(names, numbered_pictures(folder), folder)
-    images = ImageFiles(paths, None, np.ones((len(paths), 1)))
-    others = [p for p in find_pictures(folder) if p not in paths and not re.search(r"\d", p.stem)]
-    scale = 1 / float(images[0].max() or 1) if images.dtype.kind == "f" else 1.0  # floats have no full scale
+    return ImageFiles([paths[j] for j in kept], None, np.ones((len(kept), 1)))
 
-    def grey(j: int) -> np.ndarray:
-        return images[j].mean(-1) * scale
+
+def _spheres(folder: Path, images: ImageFiles, circles: Sequence[Circle], count: int, camera: Camera) -> list[Sphere]:
+    """The spheres that a folder's pictures show."""
+    others = [p for p in find_pictures(folder) if not re.search(r"\d", p.stem) and p not in images.pictures]
+    scale = 1 / float(images[0].max() or 1) if images.dtype.kind == "f" else 1.0  # floats have no full scale
 
     def other(path: Path) -> Any:
         picture = ImageFiles([path], None, np.ones((1, 1)))
-        return (lambda _: picture[0].mean(-1)) if picture.shape[1:3] == images.shape[1:3] else None
+        return (lambda _: picture[0]) if picture.shape[1:3] == images.shape[1:3] else None
 
     mask = None if circles else find_mask(folder)
-    here = look_at_spheres(
-        grey,
+    return look_at_spheres(
+        lambda j: images[j] * scale,
         images.shape[1:3],
-        [p.name for p in paths],
+        [parts(p)[0].name for p in images.pictures],
         folder.resolve().name,
         circles=circles,
         mask=None if mask is None else read_mask(mask),
@@ -348,10 +380,14 @@ def _spheres(
         spheres=count,
         camera=camera,
     )
+
+
+def _brightest(images: ImageFiles) -> np.ndarray:
+    """The brightest grey level of every pixel, (h, w)."""
     brightest = np.zeros(images.shape[1:3], np.float32)
-    for j in range(len(paths)):
-        np.maximum(brightest, grey(j), out=brightest)
-    return here, brightest
+    for j in range(len(images)):
+        np.maximum(brightest, images[j].mean(-1), out=brightest)
+    return brightest / max(1.0, float(brightest.max()))
 
 
 def _in_order_of(names: Sequence[str], pictures: Sequence[Path], folder: Path) -> list[Path]:

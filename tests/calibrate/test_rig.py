@@ -29,7 +29,7 @@ def test_lights_are_right_and_named_after_the_object_s_pictures(rig, capsys):
     code, out, err = run(
         capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "new folder" / "lights.lp"
     )
-    assert (code, err) == (0, "") and "confidence" in out
+    assert (code, err) == (0, "") and "(good)" in out
     names, L = read_lp(rig / "new folder" / "lights.lp")
     assert names == [f"DSC {j:03d}.png" for j in range(1, 10)]
     assert angle_deg(L, dome(9)).max() < 1
@@ -99,14 +99,15 @@ def test_two_spheres_in_one_frame_give_positions(tmp_path, capsys):
 class TestRefusals:
     """One line on standard error, exit code 2, nothing written."""
 
-    def refused(self, capsys, tmp_path, *arguments, says: str):
-        before = sorted(tmp_path.rglob("*"))
+    def refused(self, capsys, tmp_path, *arguments, says: str, picture: bool = False):
+        before = {*tmp_path.rglob("*")}
         code, out, err = run(capsys, "calibrate", *arguments)
         assert code == 2 and out == "" and err.count("\n") == 1 and says in err, err
-        assert sorted(tmp_path.rglob("*")) == before
+        drawn = {tmp_path / "l_refused.png"} if picture else set()
+        assert {*tmp_path.rglob("*")} == before | drawn
 
     def test_no_sphere(self, rig, capsys):
-        self.refused(capsys, rig, rig / "object", "--out", rig / "l.lp", says="mirror spheres were found in object")
+        self.refused(capsys, rig, rig / "object", "--out", rig / "l.lp", says="were found in object", picture=True)
 
     def test_another_number_of_pictures(self, rig, capsys):
         (rig / "chrome" / "09.png").unlink()
@@ -123,26 +124,57 @@ class TestRefusals:
     def test_a_circle_that_is_none(self, rig, capsys, circle):
         self.refused(
             capsys, rig, rig / "object", "--sphere", rig / "chrome", "--circle", circle, "--out", rig / "l.lp",
-            says="--circle",
+            says="--circle", picture=circle.startswith("9000"),
         )  # fmt: skip
 
     def test_no_folder(self, rig, capsys):
         self.refused(capsys, rig, rig / "absent", "--out", rig / "l.lp", says="no folder")
 
-    def test_a_light_behind_the_sphere(self, rig, capsys):
-        import cv2
-
-        cv2.imencode(".png", photograph([]))[1].tofile(rig / "chrome" / "05.png")
+    def test_lights_behind_the_sphere(self, rig, capsys):
+        dark(rig, 3, 5, 7)
         self.refused(
-            capsys,
-            rig,
-            rig / "object",
-            "--sphere",
-            rig / "chrome",
-            "--out",
-            rig / "l.lp",
-            says="no highlight was found",
+            capsys, rig, rig / "object", "--sphere", rig / "chrome", "--out", rig / "l.lp",
+            "--circle", f"{CENTRE[0]},{CENTRE[1]},{RADIUS}", says="in 3 of 9 pictures", picture=True,
+        )  # fmt: skip
+
+    @pytest.mark.parametrize(("skip", "says"), [("1-9", "all 9"), ("10", "--skip '10'"), ("a", "--skip 'a'")])
+    def test_pictures_that_cannot_be_skipped(self, rig, capsys, skip, says):
+        self.refused(
+            capsys, rig, rig / "object", "--sphere", rig / "chrome", "--out", rig / "l.lp", "--skip", skip, says=says
         )
+
+
+def dark(rig, *numbers) -> None:
+    """Photographs of the sphere without a lamp."""
+    import cv2
+
+    for j in numbers:
+        cv2.imencode(".png", photograph([]))[1].tofile(rig / "chrome" / f"{j:02d}.png")
+
+
+def test_a_lamp_that_is_off_is_left_out_and_told(rig, capsys):
+    dark(rig, 5)
+    code, _, err = run(capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "lights.lp")
+    names, L = read_lp(rig / "lights.lp")
+    assert code == 0 and "no highlight was found on the sphere in DSC 005.png" in err and "DSC 005.png" not in names
+    assert angle_deg(L, np.delete(dome(9), 4, axis=0)).max() < 1
+
+
+def test_photographs_can_be_skipped(rig, capsys):
+    dark(rig, 2, 3, 5)
+    code, _, err = run(
+        capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "lights.lp", "--skip", "2-3,5"
+    )
+    names, L = read_lp(rig / "lights.lp")
+    assert (code, err) == (0, "") and [name[4:7] for name in names] == ["001", "004", "006", "007", "008", "009"]
+    assert angle_deg(L, np.delete(dome(9), [1, 2, 4], axis=0)).max() < 1
+
+
+def test_the_picture_of_a_refusal_goes_when_a_sphere_is_found(rig, capsys):
+    assert run(capsys, "calibrate", rig / "object", "--out", rig / "lights.lp")[0] == 2
+    assert (rig / "lights_refused.png").is_file()
+    assert run(capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "lights.lp")[0] == 0
+    assert not (rig / "lights_refused.png").exists()
 
 
 @pytest.mark.data

@@ -7,14 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from photonormal.calibrate.circle import Circle
 from photonormal.calibrate.sphere import Sphere
 
 HEIGHT = 700  # pixels
 OUTLINE, CENTRE, RIVALS = (0, 200, 255), (255, 60, 160), (255, 160, 0)  # RGB
 
 
-def drawn(brightest: Float[np.ndarray, "h w"], spheres: Sequence[Sphere]) -> UInt8[np.ndarray, "a b 3"]:
-    """The spheres of one frame on the brightest value of each of its pixels; numbers count the lights from 1."""
+def drawn(
+    brightest: Float[np.ndarray, "h w"], spheres: Sequence[Sphere], circles: Sequence[Circle] = ()
+) -> UInt8[np.ndarray, "a b 3"]:
+    """The spheres of one frame, and circles, on the brightest value of each of its pixels; lights count from 1."""
     import cv2
 
     scale = HEIGHT / brightest.shape[0]
@@ -25,11 +28,13 @@ def drawn(brightest: Float[np.ndarray, "h w"], spheres: Sequence[Sphere]) -> UIn
     def at(x: float, y: float) -> tuple[int, int]:  # in sixteenths of a pixel
         return round(16 * ((x + 0.5) * scale - 0.5)), round(16 * ((y + 0.5) * scale - 0.5))
 
-    for sphere in spheres:
-        c = sphere.circle
+    for c in (*circles, *(s.circle for s in spheres)):
         cv2.circle(picture, at(c.x, c.y), round(16 * c.r * scale), OUTLINE, 1, cv2.LINE_AA, 4)
         cv2.drawMarker(picture, _whole(at(c.x, c.y)), OUTLINE, cv2.MARKER_CROSS, 12, 1)
+    for sphere in spheres:
         for j, h in enumerate(sphere.highlights):
+            if h is None:
+                continue
             for x, y in h.rivals:
                 cv2.circle(picture, at(x, y), 16 * 6, RIVALS, 1, cv2.LINE_AA, 4)
             cv2.drawMarker(picture, _whole(at(h.x, h.y)), CENTRE, cv2.MARKER_TILTED_CROSS, 8, 1)

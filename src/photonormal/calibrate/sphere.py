@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from photonormal.calibrate.circle import Circle, find_circles, from_mask
-from photonormal.calibrate.highlight import Highlight, check_highlights, find_highlight, static_light
+from photonormal.calibrate.circle import Circle, SphereError, from_mask
+from photonormal.calibrate.highlight import Highlight, check_highlights, darkest, looked_for
 from photonormal.calibrate.mirror import directions
+from photonormal.calibrate.search import Found, find_spheres
+from photonormal.calibrate.survey import Photograph
 from photonormal.types import InputError
 
-Grey = Callable[[int], Float[np.ndarray, "h w"]]  # grey levels in [0, 1] of picture j
+GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
 
 
 @dataclass(frozen=True)
@@ -43,29 +45,42 @@ class Sphere:
     where : the folder that shows it
     circle : its outline
     rival : confidence of the best circle found elsewhere
-    highlights : n reflections
-    L : (n, 3) unit directions to the lights
+    highlights : n reflections, None where a picture has none
+    L : (n, 3) unit directions to the lights, NaN without a highlight
     points : (n, 3) where they were reflected, see `mirror.directions`
     shape : (h, w) of the photographs
+    notes : what the search wants the user to know
     """
 
     where: str
     circle: Circle
     rival: float
-    highlights: tuple[Highlight, ...]
+    highlights: tuple[Highlight | None, ...]
     L: np.ndarray
     points: np.ndarray
     shape: tuple[int, int]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def confidence(self) -> str:
+        """In words."""
+        c = self.circle.confidence
+        return "good" if c >= GOOD else "fair" if c >= FAIR else "poor: look at the picture"
+
+    def of(self, shown: Bool[np.ndarray, " n"]) -> Sphere:
+        """The same under some of the lights."""
+        highlights = tuple(h for h, there in zip(self.highlights, shown, strict=True) if there)
+        return replace(self, highlights=highlights, L=self.L[shown], points=self.points[shown])
 
     def doubts(self, names: Sequence[str]) -> list[str]:
         """One line for each thing that may be wrong."""
-        found = []
-        if self.circle.confidence < 0.5:
+        found = list(self.notes)
+        if self.circle.confidence < FAIR:
             found.append(
                 f"the sphere in {self.where} was found with a confidence of {self.circle.confidence:.2f} only; look at "
                 "the picture, and give --circle x,y,r where the circle is off."
             )
-        doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h.rivals]
+        doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h and h.rivals]
         if doubtful:
             found.append(
                 f"{len(doubtful)} pictures of {self.where} ({', '.join(doubtful[:3])}{', ...' * (len(doubtful) > 3)}) "
@@ -80,13 +95,13 @@ class Sphere:
 
 
 def look_at_spheres(
-    grey: Grey,
+    read: Photograph,
     shape: Sequence[int],
     names: Sequence[str],
     where: str,
     circles: Sequence[Circle] = (),
     mask: Bool[np.ndarray, "h w"] | None = None,
-    extra: Sequence[Grey] = (),
+    extra: Sequence[Photograph] = (),
     spheres: int = 1,
     camera: Camera | None = None,
 ) -> list[Sphere]:
@@ -96,38 +111,33 @@ def look_at_spheres(
 
     Raises
     ------
-    InputError
-        If a sphere is not found or cut by the border, or a photograph shows no highlight on it.
+    SphereError
+        If a sphere is not found or cut by the border, or several photographs show no highlight on it.
     """
-    n, camera, rivals = len(names), camera or Camera(), [0.0] * max(spheres, len(circles))
+    camera = camera or Camera()
     if circles:
         for c in circles:
             if not (c.r > 2 and -c.r < c.x < shape[1] + c.r and -c.r < c.y < shape[0] + c.r):
-                raise InputError(
+                raise SphereError(
                     f"--circle {c.x:g},{c.y:g},{c.r:g} lies outside {where}, {shape[1]} x {shape[0]} pixels; give x "
                     "and y of its centre from the upper left, and its radius, in pixels."
                 )
     elif mask is not None and spheres == 1:
         circles = [from_mask(mask, where)]
-    else:
-        pictures = (read(j) for read, count in ((grey, n), *((e, 1) for e in extra)) for j in range(count))
-        found = find_circles(pictures, where, spheres)
-        circles, rivals = [c for c, _ in found], [r for _, r in found]
-    return [
-        _one(grey, shape, names, where, circle, rival, camera) for circle, rival in zip(circles, rivals, strict=True)
-    ]
+    found = [Found(c, np.empty((0, 2)), 1.0) for c in circles] or find_spheres(read, len(names), where, spheres, extra)
+    return [_one(read, shape, names, where, f, camera) for f in found]
 
 
 def _one(
-    grey: Grey, shape: Sequence[int], names: Sequence[str], where: str, circle: Circle, rival: float, camera: Camera
+    read: Photograph, shape: Sequence[int], names: Sequence[str], where: str, found: Found, camera: Camera
 ) -> Sphere:
+    circle = found.circle
     x0, y0 = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
     box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
     cut = Circle(circle.x - x0, circle.y - y0, circle.r)
-    pictures = np.stack([grey(j)[box] for j in range(len(names))])  # (n, h, w) around the sphere
-    static = static_light(pictures)
-    found = check_highlights([find_highlight(p, static, cut) for p in pictures], list(names), circle, where)
-    moved = tuple(h.moved(x0, y0) for h in found)
-    xy = np.array([(h.x, h.y) for h in moved])
+    highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
+    check_highlights(highlights, names, circle, where)
+    moved = tuple(h and h.moved(x0, y0) for h in highlights)
+    xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
     L, points = directions(circle, xy, camera.focal_px, camera.axis(shape))
-    return Sphere(where, circle, rival, moved, L, points, (shape[0], shape[1]))
+    return Sphere(where, circle, found.rival, moved, L, points, (shape[0], shape[1]), found.notes)

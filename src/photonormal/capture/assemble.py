@@ -176,8 +176,8 @@ def known_normals(map: np.ndarray) -> Normals:
     return Normals(unit, known)
 
 
-def parse_images(text: str, n: int) -> list[int]:
-    """Zero-based indices from 1-based numbers and ranges.
+def parse_images(text: str, n: int, option: str = "--images") -> list[int]:
+    """Zero-based indices from 1-based numbers and ranges, as `option` gives them.
 
     >>> parse_images("1-3,5", 6)
     [0, 1, 2, 4]
@@ -189,16 +189,16 @@ def parse_images(text: str, n: int) -> list[int]:
         match = re.fullmatch(r"\s*([0-9]{1,9})\s*(?:-\s*([0-9]{1,9})\s*)?", part)
         if match is None:
             raise InputError(
-                f"--images {text[:60]!r} has {part[:20]!r} but numbers and ranges like 1-10,15 are needed; correct it."
+                f"{option} {text[:60]!r} has {part[:20]!r} but numbers and ranges like 1-10,15 are needed; correct it."
             )
         first, last = int(match[1]), int(match[2] or match[1])
         if not 1 <= first <= last <= n:
             raise InputError(
-                f"--images {text[:60]!r} asks for {part.strip()} but this capture has 1 to {n}; choose from those."
+                f"{option} {text[:60]!r} asks for {part.strip()} but this capture has 1 to {n}; choose from those."
             )
         chosen += range(first - 1, last)
     if len(set(chosen)) != len(chosen):
-        raise InputError(f"--images {text[:60]!r} names a picture twice; name each once.")
+        raise InputError(f"{option} {text[:60]!r} names a picture twice; name each once.")
     return chosen
 
 
@@ -211,7 +211,7 @@ def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
 def find_pictures(folder: Path) -> list[Path]:
     """Picture files of a folder in natural order, without masks, mattes and normal maps."""
     other = re.compile(
-        r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary|spheres|preview)$", re.IGNORECASE
+        r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary|spheres|refused|preview)$", re.IGNORECASE
     )
     return sorted((p for p in _picture_files(folder) if not other.search(p.stem)), key=natural)
 

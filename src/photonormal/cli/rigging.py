@@ -33,6 +33,8 @@ class Calibrate:
     """The spheres' radius; with two or more in one frame the lights' positions are found too."""
     frame: str = "opengl"
     """Frame of what is written: opengl (y up, z to the camera), directx (y down) or y-down (and z away)."""
+    skip: str = ""
+    """Photographs to leave out, of the object and the sphere: numbers and ranges from 1, such as 3,7-9."""
     overwrite: bool = False
     """Replace files that exist."""
 
@@ -48,6 +50,7 @@ class Calibrate:
             focal_px=self.focal_px,
             radius_mm=self.radius_mm,
             frame=self.frame,
+            skip=self.skip,
             overwrite=self.overwrite,
         )
         for warning in report["warnings"]:
@@ -56,7 +59,7 @@ class Calibrate:
             c = sphere["circle"]
             print(
                 f"{sphere['folder']}: sphere at ({c['x']:.1f}, {c['y']:.1f}), radius {c['r']:.1f} px, "
-                f"confidence {c['confidence']:.2f}"
+                f"confidence {c['confidence']:.2f} ({sphere['confidence']})"
             )
         print(f"{len(report['lights'])} lights: {', '.join(report['files'])}")
         return 0

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored"}
+BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored", "png"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
-    "types": set(),
-    "files": {"types"},
+    "png": set(),
+    "types": {"png"},
+    "files": {"types", "png"},
     "geometry": {"types"},
     "shading": set(),
     "disk": {"types"},

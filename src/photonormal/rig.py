@@ -86,7 +86,7 @@ def calibrate(
     from photonormal.calibrate import files as text
     from photonormal.calibrate.picture import beside, drawn
     from photonormal.export.folder import as_json
-    from photonormal.export.normal_maps import encode_png
+    from photonormal.png import encode_png
 
     photographs = numbered_pictures(Path(folder))
     places = [Path(folder), *(Path(p) for p in spheres if str(p) != AUTO)]
@@ -191,7 +191,7 @@ def check(
     from photonormal.check import check as findings_of
     from photonormal.check.coverage import polar_plot
     from photonormal.export.folder import report, whole_folder
-    from photonormal.export.normal_maps import encode_png
+    from photonormal.png import encode_png
 
     photographs = load(capture, **how)
     with progress("checking"):
@@ -291,7 +291,7 @@ def _of_lamps(near: Near) -> np.ndarray:
 def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool = False) -> tuple[Path, Path]:
     """The object's mask from its shading, and a preview of it, as pictures; returns their paths."""
     from photonormal.calibrate.mask import mask_from_shading
-    from photonormal.export.normal_maps import encode_png
+    from photonormal.png import encode_png
 
     out = Path(out)
     shown = out.with_name(f"{out.stem}_preview.png")
@@ -343,7 +343,7 @@ def numbered_pictures(folder: Path) -> list[Path]:
     pictures = find_pictures(folder)
     numbered = [p for p in pictures if re.search(r"\d", p.stem)]
     if not pictures:
-        raise InputError(f"{folder} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, NPY or RAW files.")
+        raise InputError(f"{folder} holds no pictures; give a folder with PNG, TIFF, JPEG, TGA, EXR, NPY or RAW files.")
     return numbered or pictures
 
 

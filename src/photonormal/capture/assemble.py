@@ -78,7 +78,7 @@ def assemble(
     """
     n = len(pictures)
     if not n:
-        raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, NPY or RAW files.")
+        raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, TGA, EXR, NPY or RAW files.")
     names = [parts(p)[0].name for p in pictures]
     if choice.lights is not None:
         lights = in_order_of(names, *read_lights(choice.lights), choice.lights)

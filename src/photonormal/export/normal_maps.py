@@ -11,15 +11,8 @@ import numpy as np
 
 from photonormal.files.decode import decode, full_scale
 from photonormal.files.opening import read_npz
+from photonormal.png import encode_png
 from photonormal.types import InputError, Normals
-
-
-def encode_png(picture: np.ndarray) -> bytes:
-    """PNG of (h, w) or (h, w, 3) RGB samples, 8 or 16-bit, as they are."""
-    import cv2
-
-    bgr = picture[..., ::-1] if picture.ndim == 3 else picture
-    return cv2.imencode(".png", np.ascontiguousarray(bgr), [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
 
 
 def png(normals: Normals) -> bytes:

@@ -12,8 +12,8 @@ import numpy as np
 from photonormal.disk import Batch
 from photonormal.export import encoded
 from photonormal.export.folder import report
-from photonormal.export.normal_maps import encode_png
 from photonormal.export.pictures import preview
+from photonormal.png import encode_png
 from photonormal.score import colours, error_picture
 from photonormal.types import Normals, Result, Surface, cores
 

@@ -1,4 +1,4 @@
-"""One picture file -> its samples, keeping every bit: PNG, JPEG and BMP, TIFF, EXR, NPY and camera RAW.
+"""One picture file -> its samples, keeping every bit: PNG, JPEG, BMP, TGA, TIFF, EXR, NPY and camera RAW.
 
 A kind of file is one module with `header(file) -> Header` and `read(file, path) -> samples`, and one line in KINDS.
 """
@@ -22,6 +22,7 @@ RAW = {".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef"}
 KINDS = {  # suffix -> module, imported when it is needed
     **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp"), "photonormal.files.plain"),
     **dict.fromkeys((".tif", ".tiff"), "photonormal.files.tiff"),
+    ".tga": "photonormal.files.tga",
     ".exr": "photonormal.files.exr",
     ".npy": "photonormal.files.npy",
     **dict.fromkeys(sorted(RAW), "photonormal.files.raw"),
@@ -96,7 +97,7 @@ def _kind(path: Path) -> Any:
     if module is None:
         raise InputError(
             f"{path} is a {path.suffix or 'nameless'} file but a picture is needed; "
-            "use PNG, TIFF, JPEG, BMP, EXR, NPY or RAW."
+            "use PNG, TIFF, JPEG, BMP, TGA, EXR, NPY or RAW."
         )
     return import_module(module)
 

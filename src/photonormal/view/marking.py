@@ -19,8 +19,8 @@ from photonormal.capture.assemble import find_mask
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.disk import at_once
 from photonormal.export.mesh import display
-from photonormal.export.normal_maps import encode_png
 from photonormal.options import Coordinate, Positive, Whole
+from photonormal.png import encode_png
 from photonormal.progress import progress
 from photonormal.rig import MASK_PICTURES, images_of, numbered_pictures
 from photonormal.types import InputError

@@ -1,0 +1,58 @@
+"""PNG: pictures with what is said about them, in chunks beside the samples."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from typing import BinaryIO
+
+import numpy as np
+
+START = b"\x89PNG\r\n\x1a\n"
+HEADER_END = 33  # bytes of the start and of the first chunk, which tells the size
+LONGEST = 2**16  # bytes of a chunk that is read as a remark
+SRGB = {b"sRGB": b"\x00"}  # samples are sRGB-encoded
+
+
+def encode_png(picture: np.ndarray, chunks: dict[bytes, bytes] | None = None) -> bytes:
+    """PNG of (h, w) or (h, w, 3) RGB samples, 8 or 16-bit, as they are; `chunks` go before them."""
+    import cv2
+
+    bgr = picture[..., ::-1] if picture.ndim == 3 else picture
+    data = cv2.imencode(".png", np.ascontiguousarray(bgr), [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
+    if not chunks:
+        return data
+    parts = (_chunk(kind, content) for kind, content in chunks.items())
+    return b"".join([data[:HEADER_END], *parts, data[HEADER_END:]])
+
+
+def text(key: str, value: str) -> dict[bytes, bytes]:
+    """A remark, as `encode_png` takes it and `texts` reads it."""
+    return {b"tEXt": key.encode("latin-1") + b"\0" + value.encode("latin-1")}
+
+
+def remarks(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
+    """Kind and content of the chunks before the samples, but very long ones; none where the open file is no PNG."""
+    file.seek(0)
+    if file.read(len(START)) != START:
+        return
+    while len(head := file.read(8)) == 8:
+        length, kind = struct.unpack(">I4s", head)
+        if kind in (b"IDAT", b"IEND"):
+            return
+        if length > LONGEST:
+            file.seek(length + 4, 1)
+        else:
+            yield kind, file.read(length)
+            file.seek(4, 1)
+
+
+def texts(file: BinaryIO) -> dict[str, str]:
+    """The remarks of an open PNG by their keys."""
+    found = (content.split(b"\0", 1) for kind, content in remarks(file) if kind == b"tEXt" and b"\0" in content)
+    return {key.decode("latin-1"): value.decode("latin-1") for key, value in found}
+
+
+def _chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))

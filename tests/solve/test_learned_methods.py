@@ -8,16 +8,17 @@ import torch
 
 from photonormal.solve.engine import on_mask, run
 from photonormal.solve.learned.lambertian_prior import LambertianPrior, LambertianPriorConfig, LambertianPriorNet
-from photonormal.solve.learned.normalnet import NormalNet, NormalNetConfig, NormalNetMethod
+from photonormal.solve.learned.normalnet import NormalNetMethod
 from photonormal.solve.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
 from photonormal.solve.learned.weights import checksum, encoded
 from photonormal.types import InputError
 from tests.scenes import lambertian, ring, sphere
+from tests.solve.small import small
 
 CPU = torch.device("cpu")
 SMALL = {
     LambertianPrior: ("lambertian-prior", lambda: LambertianPriorNet(LambertianPriorConfig(width=8))),
-    NormalNetMethod: ("normalnet", lambda: NormalNet(NormalNetConfig(hidden=8, features=8, width=8))),
+    NormalNetMethod: ("normalnet", small),
     PSFCN: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8))),
     PSFCNNormalised: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8, normalised=True))),
 }

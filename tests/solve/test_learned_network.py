@@ -8,10 +8,10 @@ import torch
 from photonormal.solve.inputs.scaling import moment, scaled
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.solve.learned.network import parameters
-from photonormal.solve.learned.normalnet import ADDED, NormalNet, NormalNetConfig
 from photonormal.solve.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import InputError
+from tests.solve.small import small, starting_at_zero
 
 PAPER = LambertianPriorConfig()
 SMALL = replace(PAPER, width=8)
@@ -28,13 +28,10 @@ VARIANTS = [
     replace(SMALL, blocks=7),
 ]
 NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
-    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8))),
-    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, blocks=2, turn=False))),
-    lambda: awake(
-        NormalNet(NormalNetConfig(hidden=8, features=8, width=8, memory=4, coarse=2, attention=2, expected=True))
-    ),
-    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, coarse=1, far=1))),
-    lambda: awake(NormalNet(NormalNetConfig(hidden=8, features=8, width=8, coarse=1, far=1, level=True, compass=True))),
+    lambda: awake(small()),
+    lambda: awake(small(memory=4, coarse=2, attention=2, expected=True)),
+    lambda: awake(small(coarse=1, far=1)),
+    lambda: awake(small(coarse=1, far=1, level=True, compass=True)),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
 ]
@@ -42,9 +39,8 @@ NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
 
 def awake(net):
     """A correction layer that corrects, as after training."""
-    for key, p in net.named_parameters():
-        if key in (*ADDED, "correction.weight"):
-            torch.nn.init.normal_(p, std=0.1)
+    for weight in (*starting_at_zero(net), net.correction.weight):
+        torch.nn.init.normal_(weight, std=0.1)
     return net
 
 

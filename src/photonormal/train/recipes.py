@@ -123,7 +123,6 @@ CPU = replace(
 
 NORMALNET = Recipe(
     network="normalnet",
-    config={"expected": True, "memory": 32, "coarse": 2, "far": 2, "attention": 4, "level": True, "compass": True},
     rendering={"crop": 64, "crops": 2, "scenes": 64},
     reuse=4,
     images=(4, 96),

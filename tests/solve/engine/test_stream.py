@@ -13,9 +13,9 @@ from photonormal.solve.engine import on_mask, prior, stream
 from photonormal.solve.engine.frames import frames
 from photonormal.solve.engine.windows import Box
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
-from photonormal.solve.learned.normalnet import ADDED, NormalNet, NormalNetConfig
 from photonormal.solve.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import Capture, InputError
+from tests.solve.small import small, starting_at_zero
 
 CPU = torch.device("cpu")
 
@@ -40,10 +40,9 @@ def network(kind, seed=0):
     if kind == "lambertian-prior":
         return LambertianPriorNet(LambertianPriorConfig(width=8))
     if kind.startswith("normalnet"):
-        net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, **MORE.get(kind, {})))
-        for key, p in net.named_parameters():
-            if key in ADDED:
-                torch.nn.init.normal_(p, std=0.1)
+        net = small(**MORE.get(kind, {}))
+        for weight in starting_at_zero(net):
+            torch.nn.init.normal_(weight, std=0.1)
         torch.nn.init.normal_(net.correction.weight, std=0.05)
         return net
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
@@ -173,7 +172,7 @@ def test_what_is_no_prior_is_refused(name):
 def test_expected_errors_come_with_the_normals():
     capture, _ = sphere()
     torch.manual_seed(0)
-    net = NormalNet(NormalNetConfig(hidden=8, features=8, width=8, expected=True))
+    net = small(expected=True)
     whole, tiled, turned = (
         stream.measured(net, capture, CPU, **how).told_deg for how in ({}, {"side": 40}, {"rotations": 4})
     )

@@ -107,7 +107,6 @@ class LambertianPriorNet(Network):
         self.two = bool(config.prior) and config.branches == 2
         self.image = Branch(9 if config.prior and not self.two else 6, config)
         self.prior = Branch(3, config, config.exchange) if self.two else None
-        self.floats = w // 2 + w * self.two
         self.regressor = Regressor(8 * w if self.two else 4 * w, w, config.concat if config.prior else 0)
         kaiming(self)
 

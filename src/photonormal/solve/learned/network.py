@@ -31,7 +31,6 @@ class Network(nn.Module, ABC):
         "channels" (each pixel's and channel's root mean square over the images) or "grey" (that of its grey level)
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
-    floats : numbers per pixel kept between images while measuring (pooled and shared features)
     pointwise : whether `encode` and `digest` see each pixel by itself; what `begin` gives then has `rows(some)`
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     Config : the frozen dataclass that `config` is one of
@@ -42,7 +41,6 @@ class Network(nn.Module, ABC):
     scaling: str
     stride: int
     reach: int
-    floats: int
     pointwise: bool = False
     memory: int = 0
     config: Any

@@ -9,8 +9,9 @@ to the prior. Untrained it returns its prior.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import torch
 from jaxtyping import Float
@@ -26,30 +27,25 @@ from photonormal.solve.learned.weights import load
 from photonormal.types import InputError
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
-ADDED = (  # start at zero: trained weights stay what they are
-    *("coarse.last.weight", "coarse.far.last.weight", "coarse.join.second.weight", "finish.second.weight"),
-    *("recall.weight", "heed.weight"),
-)
-TOLD = ("correction.weight", "polish.2.weight")  # start near zero: what the network returns is its prior
 FAR = 192  # channels at an eighth of the resolution
 WEIGHT = 4.0  # logarithm of the largest weight of an image in a weighted mean; the least is its inverse
 POLISH = 64  # channels of the layers that correct the normals in the picture's axes
+SMALL = 1e-3  # deviation of weights that start near zero: what the network returns is its prior
 DOUBT = 32  # channels of the layer that tells the expected error
 LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
+
+M = TypeVar("M", bound=nn.Module)
 
 
 @dataclass(frozen=True)
 class NormalNetConfig:
-    """The network's switches; the defaults have 0.345 million parameters, the weights that ship 3.649.
+    """The network's switches; the defaults are those of the weights that ship, 3.649 million parameters.
 
     Parameters
     ----------
     prior : the classical method that gives the frame
-    turn : turn each pixel until the prior's azimuth is zero
-    tilt : tilt it, too, until the prior points to the viewer: the full local frame; only with `turn`
     hidden, features : channels of the encoder's first two layers, and of its last
     width, layers : channels and number of the 3 x 3 layers before the last one
-    blocks : residual blocks of two such layers, in place of `layers`, where not 0
     expected : also tell the expected angular error of each normal
     memory : channels that a pass hands to the next one beside its normals, for the encoder to look at each image
         with what was learned from the others
@@ -62,21 +58,20 @@ class NormalNetConfig:
     level : bring a pixel's features to one root mean square wherever the network begins to look around
     """
 
+    RETIRED: ClassVar[dict[str, object]] = {"turn": True, "tilt": False, "blocks": 0}  # in weights files, always so
+
     prior: str = "trimmed"
-    turn: bool = True
-    tilt: bool = False
     hidden: int = 64
     features: int = 128
     width: int = 128
     layers: int = 2
-    blocks: int = 0
-    expected: bool = False
-    memory: int = 0
-    coarse: int = 0
-    far: int = 0
-    attention: int = 0
-    level: bool = False
-    compass: bool = False
+    expected: bool = True
+    memory: int = 32
+    coarse: int = 2
+    far: int = 2
+    attention: int = 4
+    level: bool = True
+    compass: bool = True
 
 
 class Shared(NamedTuple):
@@ -87,13 +82,12 @@ class Shared(NamedTuple):
     y: Tensor  # (b, 1, h, w), zero where turned
     shading: Tensor  # (b, 1, h, w) root mean square of max(n.l, 0) of the prior over all lights
     recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
-    tilted: bool = False  # whether a pixel's z is its prior instead of the view axis
 
     def rows(self, some: slice) -> Shared:
         """The same of some rows of pixels."""
         c, s, nx, nz, y, shading = (v[:, :, some] for v in (*self.azimuth, *self.slant, self.y, self.shading))
         recalled = None if self.recalled is None else self.recalled[:, some]
-        return Shared((c, s), (nx, nz), y, shading, recalled, self.tilted)
+        return Shared((c, s), (nx, nz), y, shading, recalled)
 
 
 class NormalNet(Network):
@@ -107,43 +101,35 @@ class NormalNet(Network):
     def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
         super().__init__()
         self.config = c = config
-        if c.tilt and not c.turn:
-            raise InputError("tilt=True came with turn=False but a pixel is tilted after it is turned; set turn=True.")
         if c.far and not c.coarse:
             raise InputError(f"far={c.far} came with coarse=0 but what is far is seen through it; set coarse.")
-        self.reach = (2 * c.blocks or c.layers) + 1 + max(c.expected, 3 * c.compass) + 2 * (c.far > 0)
-        if c.coarse:
-            self.stride = 8 if c.far else 4
-            self.reach += 9 + 4 * c.coarse + (28 + 16 * c.far if c.far else 0)
-            self.reach = -(-self.reach // self.stride) * self.stride
         self.memory = c.memory
-        weighted = c.features + c.attention if c.attention else 0
-        self.floats = 2 * c.features + weighted + 8 + c.memory + c.hidden * (c.memory > 0)
-        act = nn.LeakyReLU(SLOPE, inplace=True)
-        self.encoder = nn.Sequential(
-            nn.Linear(TOKENS, c.hidden), act, nn.Linear(c.hidden, c.hidden), act, nn.Linear(c.hidden, c.features), act
-        )
-        self.fuse = nn.Sequential(nn.Linear(2 * c.features + 3 + 2 * c.compass, c.width), act)
+        self.encoder = Encoder(c.hidden, c.features)
+        self.fuse = Fuse(2 * c.features + 3 + 2 * c.compass, c.width)
         if c.attention:
             self.score = nn.Linear(c.features, c.attention)
-            self.heed = nn.Linear(c.features, c.width, bias=False)
+            self.heed = starting_at(0.0, nn.Linear(c.features, c.width, bias=False))
         self.level = Level() if c.level else nn.Identity()
-        layer, count = (Block, c.blocks) if c.blocks else (conv, c.layers)
-        self.spatial = nn.Sequential(*[layer(c.width, c.width) for _ in range(count)])
-        self.correction = nn.Conv2d(c.width, 3, 3, padding=1)
-        if c.coarse:
-            self.coarse = Coarse(c.width, c.coarse, c.far, self.level)
-        if c.far:
-            self.finish = Refine(c.width, self.level)
+        self.spatial = nn.Sequential(*[conv(c.width, c.width) for _ in range(c.layers)])
+        self.correction = starting_at(SMALL, nn.Conv2d(c.width, 3, 3, padding=1))
+        self.coarse = Coarse(c.width, c.coarse, c.far, self.level) if c.coarse else None
+        self.finish = Refine(c.width, self.level) if c.far else None
         if c.compass:
-            self.polish = nn.Sequential(
-                conv(c.width + 3, POLISH), conv(POLISH, POLISH), nn.Conv2d(POLISH, 3, 3, padding=1)
-            )
+            last = starting_at(SMALL, nn.Conv2d(POLISH, 3, 3, padding=1))
+            self.polish = nn.Sequential(conv(c.width + 3, POLISH), conv(POLISH, POLISH), last)
         if c.memory:
             self.remember = nn.Conv2d(c.width, c.memory, 1)
-            self.recall = nn.Linear(c.memory, c.hidden, bias=False)
+            self.recall = starting_at(0.0, nn.Linear(c.memory, c.hidden, bias=False))
         if c.expected:
             self.doubt = nn.Sequential(conv(c.width + 4, DOUBT), nn.Conv2d(DOUBT, 1, 3, padding=1))
+        self.stride = self.coarse.stride if self.coarse else 1
+        around = sum(part.reach for part in (self.coarse, self.finish) if part is not None)
+        around += c.layers + 1 + max(2 * c.expected, 3 * c.compass)  # 3 x 3 each, the correction among them
+        self.reach = -(-around // self.stride) * self.stride
+        self.initialise()
+
+    def initialise(self) -> None:
+        """Random weights with which the network returns its prior."""
         for module in self.modules():
             if isinstance(module, nn.Linear | nn.Conv2d):
                 nn.init.kaiming_normal_(module.weight, a=SLOPE)
@@ -151,11 +137,8 @@ class NormalNet(Network):
                     nn.init.zeros_(module.bias)
             if isinstance(module, Block):  # a branch starts small beside its shortcut
                 module.second.weight.data.mul_(0.3)
-        for key, p in self.named_parameters():
-            if key in ADDED:
-                nn.init.zeros_(p)
-            if key in TOLD:
-                nn.init.normal_(p, std=1e-3)
+        for weight, std in begun(self):
+            nn.init.normal_(weight, std=std) if std else nn.init.zeros_(weight)
 
     def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
         prior, memory = prior[:, :3], prior[:, 3:]
@@ -165,11 +148,9 @@ class NormalNet(Network):
         z = z.clamp(min=0.05)  # a surface that is seen looks towards the camera
         r = torch.sqrt(x * x + y * y)
         c, s = torch.where(r > 1e-6, x / r, 1.0), torch.where(r > 1e-6, y / r, 0.0)
-        if not self.config.turn:
-            c, s = torch.ones_like(c), torch.zeros_like(s)
         x, y = c * x + s * y, c * y - s * x
         length = torch.sqrt(x * x + y * y + z * z)
-        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c), recalled, self.config.tilt)
+        shared = Shared((c, s), (x / length, z / length), y / length, torch.ones_like(c), recalled)
         total = torch.zeros_like(c)
         for light in lights.split(32, dim=1):
             total += cosines(light, shared)[1].clamp(min=0).square().sum(1, keepdim=True)
@@ -177,10 +158,7 @@ class NormalNet(Network):
 
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         seen = tokens(images[:, :, 0], lights, shared)  # (b, k, h, w, 16)
-        x = self.encoder[0](seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
-        if shared.recalled is not None:
-            x = x.unflatten(0, seen.shape[:4]) + shared.recalled[:, None].to(x.dtype)
-        features = self.encoder[2:](self.encoder[1](x).flatten(0, -2))
+        features = self.encoder.read(seen, shared.recalled)  # (b k h w, features)
         pooled = pool(features.unflatten(0, seen.shape[:4]), total=True)  # (b, h, w, features)
         if not self.config.attention:
             return pooled
@@ -199,29 +177,25 @@ class NormalNet(Network):
             known += [c * nx - s * ny, s * nx + c * ny]  # x and y in the picture's axes
         told = torch.cat(known, dim=1).permute(0, 2, 3, 1).to(mean.dtype)
         x = torch.cat([pooled.maximum, mean, told], dim=-1)  # (b, h, w, features)
-        x = self.fuse[0](x)
+        heeded: Tensor | float = 0.0
         if pooled.weighted is not None and pooled.weights is not None:
             groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)
             means = groups / pooled.weights[..., None]
-            x = x + self.heed(means.flatten(-2).to(mean.dtype))
-        return self.fuse[1](x)
+            heeded = self.heed(means.flatten(-2).to(mean.dtype))
+        return self.fuse.together(x, heeded)
 
     def look(self, digested: Float[Tensor, "b h w c"], n: int, shared: Any) -> Float[Tensor, "b d h w"]:
         (c, s), (nx, nz), ny = shared.azimuth, shared.slant, shared.y
         frame = torch.cat([nx, ny, nz], dim=1)  # (b, 3, h, w)
         x = self.level(digested.permute(0, 3, 1, 2))  # channels last in memory
         x = self.spatial(x)
-        if self.config.coarse:
+        if self.coarse is not None:
             x = self.coarse(x)
-        if self.config.far:
+        if self.finish is not None:
             x = self.finish(x)
         x = self.level(x)
         correction = self.correction(x).float()
-        if shared.tilted:
-            n_x, n_y, n_z = correction.split(1, dim=1)
-            n_x, n_z = nz * n_x + nx * (1 + n_z), nz * (1 + n_z) - nx * n_x
-        else:
-            n_x, n_y, n_z = (frame + correction).split(1, dim=1)
+        n_x, n_y, n_z = (frame + correction).split(1, dim=1)
         N = F.normalize(torch.cat([c * n_x - s * n_y, s * n_x + c * n_y, n_z], dim=1), dim=1)
         if self.config.compass:
             N = F.normalize(N + self.polish(torch.cat([x, N.to(x.dtype)], dim=1)).float(), dim=1)
@@ -234,6 +208,52 @@ class NormalNet(Network):
         return torch.cat([N, (LEAST_DEG + self.doubt(seen).float().exp()).clamp(max=90)], dim=1)
 
 
+def starting_at(std: float, layer: M) -> M:
+    """A layer whose weights start with that deviation: 0 where trained weights shall stay what they are."""
+    layer.starts_at = std  # pyright: ignore[reportArgumentType]
+    return layer
+
+
+def begun(net: nn.Module) -> Iterator[tuple[nn.Parameter, float]]:
+    """The weights that start in a way of their own, and their deviation there."""
+    for module in net.modules():
+        std = getattr(module, "starts_at", None)
+        if std is not None:
+            yield module.weight, std  # type: ignore[misc]
+
+
+class Encoder(nn.Sequential):
+    """Each image of a pixel by itself; what an earlier pass tells joins it in the first layer."""
+
+    def __init__(self, hidden: int, features: int) -> None:
+        act = nn.LeakyReLU(SLOPE, inplace=True)
+        super().__init__(
+            nn.Linear(TOKENS, hidden), act, nn.Linear(hidden, hidden), act, nn.Linear(hidden, features), act
+        )
+
+    def read(
+        self, seen: Float[Tensor, "b k h w t"], recalled: Float[Tensor, "b h w hidden"] | None
+    ) -> Float[Tensor, "bkhw features"]:
+        first, *others = self
+        x = first(seen.flatten(0, 3))  # in two axes: views would make every in-place layer copy
+        if recalled is not None:
+            x = (x.unflatten(0, seen.shape[:4]) + recalled[:, None].to(x.dtype)).flatten(0, -2)
+        for layer in others:
+            x = layer(x)
+        return x
+
+
+class Fuse(nn.Sequential):
+    """What all images of a pixel showed, and what was heeded of it."""
+
+    def __init__(self, inputs: int, width: int) -> None:
+        super().__init__(nn.Linear(inputs, width), nn.LeakyReLU(SLOPE, inplace=True))
+
+    def together(self, x: Float[Tensor, "b h w c"], heeded: Tensor | float) -> Float[Tensor, "b h w d"]:
+        linear, act = self
+        return act(linear(x) + heeded)
+
+
 class Level(nn.Module):
     """Each pixel's features over their root mean square: layers learn at high rates whatever came before them."""
 
@@ -244,11 +264,13 @@ class Level(nn.Module):
 class Refine(nn.Module):
     """Adds what two layers find."""
 
+    reach = 2
+
     def __init__(self, width: int, level: nn.Module) -> None:
         super().__init__()
         self.level = level
         self.first = conv(width, width)
-        self.second = nn.Conv2d(width, width, 3, padding=1)
+        self.second = starting_at(0.0, nn.Conv2d(width, width, 3, padding=1))
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
         return x + self.second(self.first(self.level(x)))
@@ -261,7 +283,8 @@ class Far(nn.Module):
         super().__init__()
         self.level = level
         self.layers = nn.Sequential(Block(width, FAR, 2), *[Block(FAR, FAR) for _ in range(blocks)])
-        self.last = nn.Conv2d(FAR, width, 1, bias=False)
+        self.last = starting_at(0.0, nn.Conv2d(FAR, width, 1, bias=False))
+        self.reach = 5 + 4 * blocks  # pixels of `x`
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
         y = self.level(self.layers(self.level(x)))
@@ -278,7 +301,12 @@ class Coarse(nn.Module):
         self.layers = nn.Sequential(*[conv(width, width, s) for s in strides])
         self.far = Far(width, far, level) if far else nn.Identity()
         self.join = Refine(width, level) if far else nn.Identity()
-        self.last = nn.Conv2d(width, width, 1, bias=False)
+        self.last = starting_at(0.0, nn.Conv2d(width, width, 1, bias=False))
+        self.stride = 8 if far else 4
+        through = sum(
+            getattr(part, "reach", 0) for part in (self.far, self.join)
+        )  # pixels of a quarter of the resolution
+        self.reach = 9 + 4 * layers + 4 * through
 
     def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
         y = self.last(self.level(self.join(self.far(self.layers(self.level(x))))))
@@ -307,15 +335,12 @@ def tokens(
     nx, nz = (v.expand_as(x) for v in shared.slant)
     s = torch.rsqrt(2 + 2 * z)  # 1 / |l + v|
     half = (cos + nz) * s  # n.h
-    v_x, v_z = (-nx, nz) if shared.tilted else (0.0, 1.0)
-    if shared.tilted:
-        x, z = nz * x - nx * z, cos
     shading = cos.clamp(min=0) / shared.shading
     log = torch.log1p(20 * I) / 2 - 1
     excess = log - (torch.log1p(20 * shading) / 2 - 1)
     z, s = z.expand_as(x), s.expand_as(x)
     near, sees = 10 * (half - 0.9).clamp(min=-0.1), (cos > 0).to(cos.dtype)
-    h = [(x + v_x) * s, y * s, (z + v_z) * s]
+    h = [x * s, y * s, (z + 1) * s]
     found = [I, I - shading, log, excess, x, y, z, *h, cos, half, near, sees, nx, nz]
     return torch.stack(found, dim=-1)
 

@@ -47,7 +47,6 @@ class PSFCNNet(Network):
         self.config = config
         self.scaling = "channels" if config.normalised else "exposure"
         w = config.width
-        self.floats = w // 2
         self.extractor = nn.Sequential(
             conv(6, w), conv(w, 2 * w, stride=2), conv(2 * w, 2 * w), conv(2 * w, 4 * w, stride=2),
             conv(4 * w, 4 * w), deconv(4 * w, 2 * w), conv(2 * w, 2 * w),

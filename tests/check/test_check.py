@@ -116,7 +116,7 @@ def test_ambient_light_is_measured():
     low = noisy(lambertian(bumps(), dome(14, 80.0)))  # lights that leave much in attached shadow
     assert "ambient" not in kinds(low)
     (found,) = [f for f in check(replace(low, images=np.asarray(low.images) + np.float32(0.1))) if f.kind == "ambient"]
-    assert found.grave and found.numbers["shadow_level"] == pytest.approx(0.1 / 0.7, rel=0.4)
+    assert found.grave and found.numbers["ambient_level"] == pytest.approx(0.1 / 0.7, rel=0.15)
 
 
 def test_a_moved_camera_is_found_with_its_shift(right):

@@ -117,7 +117,6 @@ def test_a_matt_plane_is_seen_as_under_distant_lights(right):
     near = Near(I, X, Lamps(S))
     distant = 0.5 * near.directions() @ n
     np.testing.assert_allclose(near.seen(), np.tile(distant, (len(X), 1)), rtol=0.02)
-    np.testing.assert_allclose(near.matt(), I, rtol=0.02)
 
 
 def test_the_command_writes_corrected_positions(right, tmp_path):

@@ -16,15 +16,15 @@ def check(capture: Capture) -> list[Finding]:
     intensities, ambient light and motion. Tests that need light directions are left out where they are unknown. Where
     lamps are near, pictures are first made what distant ones would give, for a plane at the object's mean depth.
     """
-    from photonormal.check import coverage, exposure, lights, motion, positions, samples
+    from photonormal.check import coverage, explanations, exposure, lights, motion, positions, samples
     from photonormal.check.given import Distant, Near
 
     s, names = samples.read(capture), list(capture.image_names)
     found = [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
-    expected = None
     if capture.lights is not None and (s.I > 0).any():
         found += coverage.coverage(capture.lights)
         I, mask = samples.on_object(s)
+        found += samples.no_mask(s.mask, mask)
         if capture.lamps is not None and capture.camera is not None:
             X = capture.camera.plane_mm(*capture.mask.shape)[s.grid][mask]
             given = Near(I, X, capture.lamps)
@@ -33,11 +33,12 @@ def check(capture: Capture) -> list[Finding]:
             given = Distant(I, capture.lights)
         lost = (given.levels > 0).any(axis=0) > (given.seen() > 0).any(axis=0)  # by lamps that shine elsewhere
         if not lost.any():
+            other = explanations.explanation(given, mask, s.bits)
+            if other and other[0].lights is not None:
+                given = Distant(I, other[0].lights)
             wrong, given = lights.disagreement(given, mask, names)
-            seen, L = given.seen(), given.directions()  # what else is said of the lights holds for the right ones
-            found += [*wrong, *lights.intensities(seen, L, names), *lights.ambient(seen, L)]
-            found += exposure.encoding(given, s.bits)
-        if isinstance(given, Near):
-            expected = samples.expected_edges(s, given.lamps)
-    found += motion.motion(s.edges, s.scale, names, expected)
+            found += [*wrong, *other]
+            if not other:  # which changes brightnesses by itself
+                found += lights.intensities(given, mask, names)
+    found += motion.motion(s.small, s.scale, names)
     return sorted(found, key=lambda f: not f.grave)

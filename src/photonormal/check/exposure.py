@@ -1,11 +1,10 @@
-"""Saturation, darkness, bits and encoding of the photographs."""
+"""Saturation, darkness and bits of the photographs."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from photonormal.check.finding import Finding, listed
-from photonormal.check.given import Given, matt_misfit
 from photonormal.check.samples import Samples
 from photonormal.types import Capture
 
@@ -14,9 +13,6 @@ BLACK = 0.05  # level of a picture, as part of the median of all, below which it
 CLIPPED = 0.125  # of all samples at zero
 MOSTLY, ZERO = 2 / 3, 0.25  # of the pictures in which a pixel is black, and of such pixels: facing away is no fault
 DIM = 0.04  # median level, as part of full scale, below which 8 bits quantise by more than five per cent
-ENCODED = 0.8  # misfit of linearised samples, as part of the misfit of samples as they are
-PIXELS = 1500
-FEW = 5  # pictures: fewer fit a matt surface whatever they show
 
 
 def saturation(samples: Samples, capture: Capture) -> list[Finding]:
@@ -86,26 +82,5 @@ def bits(samples: Samples, capture: Capture) -> list[Finding]:
             f"{kind}, {what}; photograph RAW or export 16-bit TIFF or PNG"
             f"{', and expose more' if dim else ', and keep highlights and shadows inside the range'}.",
             {"bits": 8, "median_level": round(level, 4)},
-        )
-    ]
-
-
-def encoding(given: Given, bits: int | None) -> list[Finding]:
-    """Eight-bit pictures that fit the linear model better once they are linearised."""
-    if bits != 8 or given.levels.shape[1] < FEW:
-        return []
-    I = given.levels / max(float(given.levels.max()), 1e-12)
-    linear = np.where(I <= 0.04045, I / 12.92, ((I + 0.055) / 1.055) ** 2.4)
-    step = max(1, len(I) // PIXELS)
-    as_is, decoded = (matt_misfit(given.showing(x), step) for x in (I, linear))
-    if decoded > ENCODED * as_is:
-        return []
-    return [
-        Finding(
-            "encoding",
-            False,
-            f"the pictures look sRGB-encoded: linearised they fit a matt surface {as_is / max(decoded, 1e-9):.1f} "
-            "times better; add --srgb, or export linear pictures.",
-            {"misfit": round(as_is, 5), "misfit_linearised": round(decoded, 5)},
         )
     ]

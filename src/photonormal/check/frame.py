@@ -106,6 +106,11 @@ class Verdict:
     half: bool
     numbers: dict[str, Any]
 
+    @property
+    def curl(self) -> float:
+        """The least curl of all frames; 0 where too few slopes are known."""
+        return self.numbers.get("curl_best", 0.0)
+
     def name(self) -> str:
         """What was done to the lights, as far as is told."""
         other = "" if self.half else f", or {self.frame.half_turned().name()}"

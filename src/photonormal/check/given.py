@@ -113,17 +113,6 @@ class Near:
 
         return self._by_blocks(moved)
 
-    def matt(self) -> Float[np.ndarray, "p n"]:
-        """Grey levels of the matt surface that explains the lit samples of each pixel best."""
-        dark = SHADOW * float(np.quantile(self.levels, 0.99))
-
-        def shaded(I: np.ndarray, L: np.ndarray, e: np.ndarray) -> np.ndarray:
-            w = (I > dark) & (e > FAINT)
-            b = fitted(np.where(w, I / np.maximum(e, FAINT), 0), L, w.astype(float))
-            return e * np.maximum((L @ b[..., None])[..., 0], 0)
-
-        return self._by_blocks(shaded)
-
     def _by_blocks(self, f: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]) -> Float[np.ndarray, "p n"]:
         """``f(I, L, e)`` of some pixels at a time, to bound the memory; e is 1 at the lamps' mean distance."""
         step = max(1, SAMPLES // len(self.vectors))

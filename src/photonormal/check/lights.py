@@ -1,4 +1,4 @@
-"""Lights that disagree with the pictures: their order, their frame, their intensities, and light that stays on."""
+"""Lights that disagree with the pictures: their order, their frame, their intensities."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Int
 
 from photonormal.calibrate.intensities import SHADOW, robust_normals, self_calibrated
 from photonormal.check.finding import Finding, listed
-from photonormal.check.frame import GIVEN, Surface, judged, wrong_frame
+from photonormal.check.frame import GIVEN, Surface, Verdict, judged, wrong_frame
 from photonormal.check.given import Given, Near
+from photonormal.check.misfit import Pixels
 from photonormal.check.order import BETTER, Orders, name_of
 
-PIXELS = 1200  # that intensities and ambient light are estimated from
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
 SPREADS = 4.0  # and how many spreads of the other lights' factors
-AMBIENT = 0.06  # brightness in attached shadow, as part of a pixel facing its light, above which it is said
-FACING_AWAY = -0.15  # n.l of what lies in attached shadow for certain
-LEAST = 100  # samples in attached shadow at least
+LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
+EXPLAINED = 0.5  # of the misfit is left at most with those factors
+ORDERS = 12  # that are looked at closely
+MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
 
 
 def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> tuple[list[Finding], Given]:
@@ -33,9 +34,13 @@ def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[st
     if isinstance(given, Near) and better:
         limit = BETTER * explained(given)
         better = [order for order in better if explained(given.reordered(order)) < limit]
-    if better:
-        return _reordered(given, mask, names, orders, better)
-    found = wrong_frame(surface_of(given, mask))
+    given_as_is = surface_of(given, mask)
+    plain = judged(given_as_is)
+    tried = [(order, judged(surface_of(given.reordered(order), mask))) for order in better[:ORDERS]]
+    tried = [(order, v) for order, v in tried if v.curl <= MORE_CURL * plain.curl]  # surfaces have the least of it
+    if tried:
+        return _reordered(given, names, orders, tried)
+    found = wrong_frame(given_as_is)
     if found is None:
         return [], given
     finding, M = found
@@ -56,80 +61,69 @@ def surface_of(given: Given, mask: Bool[np.ndarray, "h w"]) -> Surface:
 
 
 def _reordered(
-    given: Given, mask: np.ndarray, names: Sequence[str], orders: Orders, better: list[np.ndarray]
+    given: Given, names: Sequence[str], orders: Orders, tried: list[tuple[Int[np.ndarray, " n"], Verdict]]
 ) -> tuple[list[Finding], Given]:
-    """Of equally good orders the first that needs no other frame; else the first, with its frame corrected."""
-    fixed = [given.reordered(order) for order in better]
-    verdicts = [judged(surface_of(f, mask)) for f in fixed]
-    k = next((k for k, v in enumerate(verdicts) if v.frame == GIVEN), 0)
-    also = "" if verdicts[k].frame == GIVEN else f", and {verdicts[k].name()}"
-    before, after = orders.misfit(np.arange(len(names))), orders.misfit(better[k])
-    right = fixed[k].turned(verdicts[k].frame.matrix())
+    """Of equally good orders the first that needs no other frame; else the first, with its frame corrected.
+
+    Corrected lights are told where they are certain.
+    """
+    order, verdict = next((t for t in tried if t[1].frame == GIVEN), tried[0])
+    also = "" if verdict.frame == GIVEN else f", and {verdict.name()}"
+    before, after = orders.misfit(np.arange(len(names))), orders.misfit(order)
+    right = given.reordered(order).turned(verdict.frame.matrix())
+    sure = orders.sure(order) and (verdict.half or not also)
+    if sure:
+        todo = ", or use the corrected one"
+    elif verdict.half or not also:
+        todo = "; others fit nearly as well, so no corrected one is written"
+    else:
+        todo = "; half a turn can't be told from the shading, so no corrected one is written"
     finding = Finding(
         "order",
         True,
-        f"the lights are not in the pictures' order: {name_of(better[k], names)} fits{also} (misfit {after:.2f} "
-        f"instead of {before:.2f}, 1 is chance); put the lights' file in that order, or use the corrected one.",
-        {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(better[k], names)},
-        lights=right.vectors if verdicts[k].half or not also else None,
+        f"the lights are not in the pictures' order: {name_of(order, names)} fits{also} (misfit {after:.2f} "
+        f"instead of {before:.2f}, 1 is chance); put the lights' file in that order{todo}.",
+        {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(order, names)},
+        lights=right.vectors if sure else None,
     )
     return [finding], right
 
 
-def intensities(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"], names: Sequence[str]) -> list[Finding]:
-    """Lights brighter or darker than given, by the object's own shading."""
-    J = I[_spread(len(I), PIXELS)]
-    e, _ = self_calibrated(J[J.max(1) > 0], L)
+def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> list[Finding]:
+    """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts."""
+    pixels, L = Pixels.of(given.seen(), mask), given.directions()
+    if pixels is None:
+        return []
+    e, _ = self_calibrated(pixels.I, L)
     factor = e / np.median(e)
+    evened = pixels.showing(pixels.I / factor)
+    b, after = evened.fit(L)
+    numbers = {"factors": [round(float(f), 4) for f in factor]}
     spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
-    off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
     if spread > np.log(OFF):
-        return [
-            Finding(
-                "intensities",
-                True,
-                f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
-                "give light_intensities.txt, or calibrate them.",
-                {"factors": [round(float(f), 4) for f in factor]},
-            )
-        ]
+        before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
+        smoother = judged(even).curl < LESS_CURL * judged(before).curl
+        if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):
+            return []
+        message = (
+            f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
+            "give light_intensities.txt, or calibrate them."
+        )
+        return [Finding("intensities", True, message, numbers)]
+
+    def confirmed(j: int) -> bool:
+        shown, lit = (b @ L[j]).clip(0), pixels.lit[:, j] & (b @ L[j] > 0)
+        before, after = (np.abs(p.I[:, j] - shown) / pixels.level for p in (pixels, evened))
+        return pixels.gain(before, after, lit).below(EXPLAINED)
+
+    off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
+    off = np.array([j for j in off if confirmed(int(j))], int)
     if not off.size:
         return []
     worst = off[np.argsort(-np.abs(np.log(factor[off])))]
     text = listed([f"{names[j]} x {factor[j]:.2f}" for j in worst])
-    return [
-        Finding(
-            "intensities",
-            False,
-            f"{len(off)} lights are brighter or darker than given ({text}); correct light_intensities.txt or the "
-            "exposure, or leave those pictures out.",
-            {"factors": [round(float(f), 4) for f in factor]},
-        )
-    ]
-
-
-def ambient(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> list[Finding]:
-    """Light that stays on: what faces away from a light is not black."""
-    J = I[_spread(len(I), PIXELS)]
-    J = J[J.max(1) > 0]
-    b = robust_normals(J, L, J > SHADOW * np.quantile(J, 0.99))
-    size = np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
-    shadow = (b / size) @ L.T < FACING_AWAY
-    if shadow.sum() < LEAST:
-        return []
-    level = float(np.median((J / size)[shadow]))
-    if level < AMBIENT:
-        return []
-    return [
-        Finding(
-            "ambient",
-            level > 2 * AMBIENT,
-            f"what faces away from its light still shows {100 * level:.0f} % of full brightness: other light is on, or "
-            "black is not at zero; darken the room, or subtract a picture taken with all lights off.",
-            {"shadow_level": round(level, 4)},
-        )
-    ]
-
-
-def _spread(p: int, count: int) -> slice:
-    return slice(None, None, max(1, p // count))
+    message = (
+        f"{len(off)} lights are brighter or darker than given ({text}); correct light_intensities.txt or the "
+        "exposure, or leave those pictures out."
+    )
+    return [Finding("intensities", False, message, numbers)]

@@ -1,4 +1,8 @@
-"""Pictures that are shifted against the others: a camera or an object that moved."""
+"""Pictures that are shifted against the others: a camera or an object that moved.
+
+What a picture should show is told by the others, whatever the lights: pictures of a matt surface are combinations of
+three, of others of few more. A picture that moved fits that only after it is shifted back.
+"""
 
 from __future__ import annotations
 
@@ -7,43 +11,50 @@ from jaxtyping import Float
 
 from photonormal.check.finding import Finding, listed
 
-FARTHEST = 25.0  # pixels: larger shifts are mistakes of the estimate
-SHIFT = 1.3  # pixels that shading alone can feign
-GAIN = 0.03  # of correlation that a shift brings at least
+SIZE = 32  # pixels of the smaller side, at least
+FARTHEST = 12  # pixels of a shift looked for, and at most this part of the smaller side
+PART = 5
+RANK = 4  # pictures that the others are combined of
+DETAIL = 3.0  # pixels: coarser shading moves with the light
+ALIKE = 0.5  # correlation with what the others show, after the shift, at least
+UNEXPLAINED = 0.65  # of a picture's detail after the shift, as part of before, at which it moved
 
 
-def shifts(
-    edges: Float[np.ndarray, "n a b"], expected: Float[np.ndarray, "n a b"] | None = None
-) -> Float[np.ndarray, "n 2"]:
-    """Shift (x right, y down) in pixels of each picture against the mean of the others; 0 where it is not certain.
+def combined(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n a b"]:
+    """Each picture as the principal ones of the others show it."""
+    n = len(pictures)
+    A = pictures.reshape(n, -1)
+    G, shown = A @ A.T, np.empty_like(A)
+    for j in range(n):
+        others = np.delete(np.arange(n), j)
+        V = np.linalg.eigh(G[np.ix_(others, others)])[1][:, -min(RANK, n - 2) :]  # (n - 1, r)
+        H = V.T @ G[np.ix_(others, others)] @ V
+        weights = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(len(H)), V.T @ G[others, j])
+        shown[j] = (V @ weights) @ A[others]
+    return shown.reshape(pictures.shape)
 
-    `expected` is compared with instead, where it is given.
 
-    Phase correlation finds it; it counts if correlation of the edges confirms it.
-    """
+def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
+    """Shift (x right, y down) in pixels of each picture against what the others show; 0 where it is not certain."""
     import cv2
 
-    total, n = edges.sum(0), len(edges)
-    window = cv2.createHanningWindow(edges.shape[:0:-1], cv2.CV_32F)
-    found = np.zeros((n, 2))
-    for j, edge in enumerate(edges):
-        others = (total - edge) / (n - 1) if expected is None else expected[j]
-        (x, y), _ = cv2.phaseCorrelate(_centred(others), _centred(edge), window)
-        if SHIFT < np.hypot(x, y) < FARTHEST and _gain(others, edge, round(x), round(y)) > GAIN:
-            found[j] = x, y
+    r = min(FARTHEST, min(pictures.shape[1:]) // PART)
+    seen = np.sqrt((pictures / max(float(np.quantile(pictures, 0.99)), 1e-9)).clip(0, 1.4))
+    found = np.zeros((len(seen), 2))
+    for j, shown in enumerate(combined(seen)):
+        fit = cv2.matchTemplate(_detail(seen[j]), _detail(shown)[r:-r, r:-r], cv2.TM_CCOEFF_NORMED)  # (2 r + 1)^2
+        y, x = np.unravel_index(int(fit.argmax()), fit.shape)
+        inside = 0 < x < 2 * r and 0 < y < 2 * r and fit[y, x] > ALIKE
+        if inside and (x, y) != (r, r) and 1 - fit[y, x] < UNEXPLAINED * (1 - fit[r, r]):
+            found[j] = x - r + _peak(fit[y, x - 1 : x + 2]), y - r + _peak(fit[y - 1 : y + 2, x])
     return found
 
 
-def motion(
-    edges: Float[np.ndarray, "n a b"],
-    scale: float,
-    names: list[str],
-    expected: Float[np.ndarray, "n a b"] | None = None,
-) -> list[Finding]:
-    """Pictures that moved; `scale` is that of `edges` against the photographs."""
-    if min(edges.shape[1:]) < 32:
+def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str]) -> list[Finding]:
+    """Pictures that moved; `scale` is that of `pictures` against the photographs."""
+    if min(pictures.shape[1:]) < SIZE or len(pictures) < RANK + 2:
         return []
-    shift = shifts(edges, expected) / scale
+    shift = shifts(pictures) / scale
     moved = np.flatnonzero(np.abs(shift).max(1) > 0)
     if not moved.size:
         return []
@@ -60,15 +71,14 @@ def motion(
     ]
 
 
-def _centred(picture: np.ndarray) -> np.ndarray:
-    return (picture - picture.mean()).astype(np.float32)
+def _detail(picture: np.ndarray) -> np.ndarray:
+    import cv2
+
+    picture = picture.astype(np.float32)
+    return picture - cv2.GaussianBlur(picture, (0, 0), DETAIL)
 
 
-def _gain(others: np.ndarray, edge: np.ndarray, x: int, y: int) -> float:
-    """Rise of the correlation when the others are shifted by (x, y)."""
-    m = max(abs(x), abs(y))
-    if 3 * m >= min(edge.shape):
-        return 0.0
-    inner = edge[m : edge.shape[0] - m, m : edge.shape[1] - m]
-    a, b = (others[m - s[1] : edge.shape[0] - m - s[1], m - s[0] : edge.shape[1] - m - s[0]] for s in ((x, y), (0, 0)))
-    return float(np.corrcoef(a.ravel(), inner.ravel())[0, 1] - np.corrcoef(b.ravel(), inner.ravel())[0, 1])
+def _peak(values: np.ndarray) -> float:
+    """Where the parabola through three values has its top, from the middle one."""
+    before, at, after = (float(v) for v in values)
+    return 0.5 * (before - after) / min(before - 2 * at + after, -1e-9)

@@ -17,6 +17,8 @@ SUSPECT = 0.05  # misfit, 0 as low as three dimensions allow, 1 as bad as chance
 BETTER = 0.5  # misfit of another order, as part of the given one's, at which it is reported
 AT_LEAST = 0.06  # and by how much it has to fall
 EQUAL = 0.02  # misfits that differ by less are the same
+GOOD = 0.4  # misfit that another order has at most
+NEIGHBOURS_DEG = 10.0  # between lights whose exchange changes little
 TURNS = 24  # rotations about the lights' mean from which a match starts
 DARKEST = 0.2  # of the pixels are left out
 CHANCE = 20  # random orders that tell how bad chance is
@@ -70,7 +72,7 @@ class Orders:
         tried = [*simple, self.climb(given), *(self.climb(o) for o in self.matches())]
         misfit = np.array([(self.outside(o) - floor) / spread for o in tried])
         best = misfit.min()
-        if best > BETTER * start or start - best < AT_LEAST:
+        if best > min(GOOD, BETTER * start) or start - best < AT_LEAST:
             return []
         chosen: list[np.ndarray] = []
         for k in sorted(np.flatnonzero(misfit < best + EQUAL), key=lambda k: (k >= len(simple), misfit[k])):
@@ -78,21 +80,32 @@ class Orders:
                 chosen.append(tried[k])
         return chosen
 
+    def sure(self, order: Int[np.ndarray, " n"]) -> bool:
+        """Whether no exchange of two lights that are not neighbours leaves the pictures explained as well."""
+        floor, chance = self.scale()
+        limit = (floor + (self.misfit(order) + EQUAL) * (chance - floor)) ** 2  # of what may be left outside
+        left = self.outside(order) ** 2 - self._gains(order) / np.trace(self.G)
+        return not (np.triu(left < limit, 1) & (self.L @ self.L.T < np.cos(np.radians(NEIGHBOURS_DEG)))).any()
+
     def climb(self, order: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Swap two pictures as long as that helps, the best swap first."""
-        P, order = self.L @ np.linalg.pinv(self.L), order.copy()
-        p = np.diag(P)
+        order = order.copy()
         for _ in range(4 * len(order)):
-            H = self.G[np.ix_(order, order)]
-            PH, h = P @ H, np.diag(H)
-            d = np.diag(PH)
-            gain = 2 * (PH + PH.T - d[:, None] - d) + (p[:, None] + p - 2 * P) * (h[:, None] + h - 2 * H)
-            np.fill_diagonal(gain, 0)
+            gain = self._gains(order)
             a, b = divmod(int(gain.argmax()), len(order))
             if gain[a, b] < 1e-9:
                 break
             order[[a, b]] = order[[b, a]]
         return order
+
+    def _gains(self, order: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
+        """By how much tr(P G) grows where two pictures are exchanged."""
+        P, H = self.L @ np.linalg.pinv(self.L), self.G[np.ix_(order, order)]
+        PH, p, h = P @ H, np.diag(P), np.diag(H)
+        d = np.diag(PH)
+        gain = 2 * (PH + PH.T - d[:, None] - d) + (p[:, None] + p - 2 * P) * (h[:, None] + h - 2 * H)
+        np.fill_diagonal(gain, 0)
+        return gain
 
     def matches(self) -> list[Int[np.ndarray, " n"]]:
         """Orders found by laying the pictures' three strongest directions over the lights.

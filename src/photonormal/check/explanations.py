@@ -16,7 +16,7 @@ from photonormal.check.misfit import Gain, Pixels
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-HALFWAY = 0.65  # misfit with twice the zenith angles
+HALFWAY = 0.5  # misfit with twice the zenith angles
 OFFSET, ENCODED = 0.6, 0.7  # misfit with light that stays on, and of linearised samples
 ON, OF_PIXELS = 0.08, 0.8  # that light, as part of full brightness, and the pixels that show most of it
 MOST = 0.06  # of it

@@ -18,7 +18,7 @@ from photonormal.check.order import BETTER, Orders, name_of
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
 SPREADS = 4.0  # and how many spreads of the other lights' factors
 LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
-EXPLAINED = 0.5  # of the misfit is left at most with those factors
+EXPLAINED = 0.4  # of the misfit is left at most with those factors
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
 

@@ -12,6 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -118,7 +119,6 @@ def run_object(
     item: Item, contest: list[Entry], plan: Plan, out: Path, device: str, precision: Precision = "auto", jobs: int = 1
 ) -> Outcome:
     """Every method on every selection of one object."""
-    from photonormal.solve.learned.processor import computing_in
 
     outcome = Outcome()
     try:
@@ -140,8 +140,7 @@ def run_object(
             try:
                 if read is None:
                     read = _read(capture)
-                with computing_in(precision):
-                    _predict(path, item, capture, entry, selection, device, read, jobs)
+                _predict(path, item, capture, entry, selection, device, precision, read, jobs)
                 outcome.predicted += 1
             except Exception as error:  # whatever a method fails with, the others go on
                 log.debug("%s on %s", entry.label, item.name, exc_info=True)
@@ -163,7 +162,15 @@ def truth_of(capture: Capture) -> Truth:
 
 
 def _predict(
-    path: Path, item: Item, capture: Capture, entry: Entry, selection: Selection, device: str, read: float, jobs: int
+    path: Path,
+    item: Item,
+    capture: Capture,
+    entry: Entry,
+    selection: Selection,
+    device: str,
+    precision: Precision,
+    read: float,
+    jobs: int,
 ) -> None:
     """One method on one selection, measured and stored."""
     from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
@@ -173,9 +180,8 @@ def _predict(
     where = torch_device(device)
     part = selected(capture, selection)
     reset_peak()
-    result = measure(
-        part, entry.method, device, entry.options, integration=None, albedo=False, expected_error=False, examine=False
-    )
+    normals_only: Any = {"integration": None, "albedo": False, "expected_error": False, "examine": False}
+    result = measure(part, entry.method, device, entry.options, precision=precision, **normals_only)
     normals, seconds = result.normals, dict(result.report["seconds"])
     if selection.protocol == "all":
         seconds["read"] = read

@@ -9,6 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from photonormal.bench.benchmarks import DILIGENT
+from photonormal.solve import METHODS
 
 FILE = Path(__file__).with_name("published.toml")
 
@@ -81,6 +82,6 @@ def others(dataset: str, images: int) -> list[Published]:
     """Rows of methods that this package does not have; of a name printed twice, the first."""
     found: dict[str, Published] = {}
     for r in published():
-        if not r.method and (r.dataset, r.images) == (dataset, images):
+        if r.method not in METHODS and (r.dataset, r.images) == (dataset, images):
             found.setdefault(r.name.split(" [")[0].rstrip("†"), r)
     return list(found.values())

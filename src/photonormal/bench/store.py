@@ -2,7 +2,7 @@
 
 runs/
     <method>/<dataset>/
-        config.json                     method, options, weights' checksum, package version: what predictions depend on
+        config.json                     method, options, digests of weights and code, version: what all depends on
         <object>.npz, <object>.json     normals and mask, as `photonormal.load_normals` reads; what was measured
         <object>@<selection>.npz        the same from some of the images
         scores.json                     errors found so far, kept so that a table need not find them again
@@ -64,6 +64,7 @@ class Config(TypedDict):
     method: Word
     options: dict[str, bool | int | float | Word | None]
     weights_sha256: NotRequired[Word | None]
+    source_sha256: NotRequired[Word]
     precision: NotRequired[Precision]
 
 
@@ -169,10 +170,11 @@ def check_config(folder: Path, config: dict[str, Any]) -> None:
         ("method", "method"),
         ("options", "options"),
         ("precision", "precision"),
-        ("weights_sha256", ""),
+        ("weights_sha256", "other weights"),
+        ("source_sha256", "other code of the method"),
     ):
         if before.get(key, "auto" if key == "precision" else None) != config[key]:
-            change = f"{what} {before.get(key)}, not {config[key]}" if what else "other weights"
+            change = what if key.endswith("sha256") else f"{what} {before.get(key)}, not {config[key]}"
             raise InputError(f"{folder} was made with {change}; choose another --out or remove that folder.")
 
 

@@ -81,6 +81,8 @@ class Measure:
     """Text file with the 3 x 3 camera matrix in pixels, for a perspective surface."""
     mesh: bool = True
     """Write depth and mesh."""
+    expected_error: bool = True
+    """Tell how far each normal is expected to be off."""
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
     read: Read = Photographs()
@@ -106,6 +108,7 @@ class Measure:
                 options=options,
                 integration=self.integration if self.mesh else None,
                 K=K,
+                expected_error=self.expected_error,
                 precision=self.precision,
             )
             report = write_result(result, folder, self.normals_frame, told(self.capture, how))

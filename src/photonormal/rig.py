@@ -117,13 +117,8 @@ def calibrate(
     names = [names[j] for j in kept]
     warnings = [line for s in found for line in s.doubts(names)]
     shown = np.all([np.isfinite(s.L).all(1) for s in found], axis=0)
-    if not shown.all():
-        missing = [name for name, there in zip(names, shown, strict=True) if not there]
-        warnings.append(
-            f"no highlight was found on the sphere in {', '.join(missing)}: the light is off there, or behind the "
-            f"sphere; the other {shown.sum()} lights were written."
-        )
-        names, found = [name for name in names if name not in missing], [s.of(shown) for s in found]
+    names = [name for name, there in zip(names, shown, strict=True) if there]
+    found = [s.of(shown) for s in found]
     L = mean_directions([s.L for s in found])  # (n, 3)
     written = in_frame(L, frame)
     content: dict[str, Any] = {

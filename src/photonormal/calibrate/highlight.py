@@ -15,6 +15,8 @@ COLOURED = 0.3  # brightest value of a channel, as part of another's, below whic
 RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
 WIDEST = 0.2  # largest scale, in radii, at which reflections are looked for
 ENOUGH_PX = 200  # radius of a sphere in pixels beyond which pictures are made smaller
+PLAIN = 0.1  # peak of full scale that is no shading's
+FEW_PX = 12  # area that is no shading's
 DIM = 0.04  # peak of full scale below which a reflection is noise
 SATURATED = 0.98  # of full scale
 CORE = 0.9  # part of a saturated peak above which a pixel belongs to a reflection; else half the way up
@@ -185,6 +187,13 @@ def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], ci
             "the sphere is elsewhere; give --circle x,y,r, or leave those pictures out with --skip.",
             (circle,),
         )
+    shown = [h for h in found if h is not None]
+    if sum(_stands_out(h, circle) for h in shown) < len(shown) / 2 and max(_part(h, circle) for h in shown) <= LARGEST:
+        raise SphereError(
+            f"the highlights on the sphere at {circle} of {where} are too broad and dim for a mirror's; give --circle "
+            "x,y,r where the sphere is elsewhere, or use a mirror sphere.",
+            (circle,),
+        )
     for highlight, name in zip(found, names, strict=True):
         if highlight is not None and _part(highlight, circle) > LARGEST:
             raise SphereError(
@@ -193,6 +202,13 @@ def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], ci
                 "sphere and a small or distant light, or expose less.",
                 (circle,),
             )
+
+
+def _stands_out(highlight: Highlight, circle: Circle) -> bool:
+    """Whether a reflection is small, and the smaller the dimmer it is: shading is dim and broad."""
+    part = _part(highlight, circle)
+    plain = highlight.peak >= PLAIN or highlight.area_px <= FEW_PX or part <= LARGEST * highlight.peak
+    return plain and highlight.peak >= DIM and part <= LARGEST
 
 
 def _part(highlight: Highlight, circle: Circle) -> float:

@@ -80,6 +80,12 @@ class Sphere:
                 f"the sphere in {self.where} was found with a confidence of {self.circle.confidence:.2f} only; look at "
                 "the picture, and give --circle x,y,r where the circle is off."
             )
+        missing = [name for name, h in zip(names, self.highlights, strict=True) if h is None]
+        if missing:
+            found.append(
+                f"no highlight was found on the sphere in {', '.join(missing)} of {self.where}: the light is off there, "
+                f"or behind the sphere; the other {len(names) - len(missing)} lights can be used."
+            )
         doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h and h.rivals]
         if doubtful:
             found.append(

@@ -14,6 +14,7 @@ from photonormal.calibrate import files as text
 from photonormal.calibrate.circle import Circle
 from photonormal.calibrate.mask import mask_from_shading
 from photonormal.calibrate.sphere import Sphere, look_at_spheres
+from photonormal.calibrate.survey import Photograph
 from photonormal.capture import load
 from photonormal.capture.assemble import find_mask
 from photonormal.capture.images import ImageFiles, read_mask
@@ -101,12 +102,12 @@ class Marking:
         """The sphere there, or the one that is found, with its highlights and lights, in pixels of the photographs."""
         s, h = self.step, self.images.shape[1:3]
         given = [] if outline is None else [_moved(Circle(outline.x, outline.y, outline.r), 1 / s)]
-        found = self._look(given, lambda j: self.grey[j].astype(np.float32) / self.white, self.shown)
+        found = self._look(given, lambda j: self.grey[j].astype(np.float32)[..., None] / self.white, self.shown)
         circle = _moved(found.circle, s)
         return {
             "circle": {"x": circle.x, "y": circle.y, "r": circle.r, "confidence": found.circle.confidence},
-            "highlights": [[s * (p.x + 0.5) - 0.5, s * (p.y + 0.5) - 0.5] for p in found.highlights],
-            "lights": found.L.round(5).tolist(),
+            "highlights": [p and [s * (p.x + 0.5) - 0.5, s * (p.y + 0.5) - 0.5] for p in found.highlights],
+            "lights": [l.tolist() if np.isfinite(l).all() else None for l in found.L.round(5)],
             "doubts": found.doubts(self.names),
             "frame": list(h),
         }
@@ -122,8 +123,8 @@ class Marking:
         names, lights = [self.names[j] for j in kept], self.lights
         if marks.sphere is not None:
             circle = Circle(marks.sphere.x, marks.sphere.y, marks.sphere.r)
-            found = self._look([circle], self._grey, self.images.shape[1:3]).L
-            lights = dict(zip(self.names, found, strict=True))
+            found = self._look([circle], lambda j: self.images[j] / self.white, self.images.shape[1:3]).L
+            lights = {name: l for name, l in zip(self.names, found, strict=True) if np.isfinite(l).all()}
         if marks.sphere is not None or (names != list(lights) and (lights or marks.left_out)):
             dark = next((name for name in names if name not in lights), None)
             if dark is not None:
@@ -157,11 +158,8 @@ class Marking:
             )
         return found[0] if len(found) == 1 else "lights.lp"
 
-    def _grey(self, j: int) -> np.ndarray:
-        return self.images[j].mean(-1) / self.white
-
-    def _look(self, circles: list[Circle], grey: Any, shape: tuple[int, ...]) -> Sphere:
-        return look_at_spheres(grey, shape[:2], self.names, self.folder.resolve().name, circles=circles)[0]
+    def _look(self, circles: list[Circle], read: Photograph, shape: tuple[int, ...]) -> Sphere:
+        return look_at_spheres(read, shape[:2], self.names, self.folder.resolve().name, circles=circles)[0]
 
     def _suggested(self) -> tuple[np.ndarray, str]:
         """The folder's mask, one from the shading, or the whole frame; and which of them it is."""

@@ -35,8 +35,8 @@ const dome = {
     this.changed(this.light);
   },
 
-  lamps(lights, nearest) { // the real ones
-    at("lamps").replaceChildren(...lights.map((l, j) => svg("circle", { cx: 100 * l[0], cy: -100 * l[1], r: j === nearest ? 6 : 2.2, class: j === nearest ? "near" : "" })));
+  lamps(lights, nearest) { // the real ones, null where one is not known
+    at("lamps").replaceChildren(...lights.flatMap((l, j) => (l ? [svg("circle", { cx: 100 * l[0], cy: -100 * l[1], r: j === nearest ? 6 : 2.2, class: j === nearest ? "near" : "" })] : [])));
   },
 };
 

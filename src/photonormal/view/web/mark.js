@@ -90,6 +90,7 @@ const mark = {
       const [x, y] = this.place([this.sphere.x, this.sphere.y]);
       shapes.push(svg("circle", { cx: x, cy: y, r: this.sphere.r * scale, class: "sphere" }), svg("path", { d: `M${x - 6} ${y}h12M${x} ${y - 6}v12`, class: "sphere" }));
       (this.found?.highlights || []).forEach((p, j) => {
+        if (!p) return;
         const [a, b] = this.place(p.map(reduced)), s = j === this.shown ? 7 : 4;
         shapes.push(svg("path", { d: `M${a - s} ${b - s}l${2 * s} ${2 * s}M${a - s} ${b + s}l${2 * s} ${-2 * s}`, class: j === this.shown ? "spot now" : "spot" }));
       });
@@ -141,7 +142,7 @@ const mark = {
 
   told(answer) {
     this.found = answer.problem ? null : answer;
-    at("sphere-said").textContent = sentence(answer.problem || "") || [`${answer.lights.length} highlights found; the dots below are the lights.`, ...answer.doubts].join(" ");
+    at("sphere-said").textContent = sentence(answer.problem || "") || [`${answer.lights.filter(Boolean).length} highlights found; the dots below are the lights.`, ...answer.doubts].join(" ");
     document.body.dataset.lights = JSON.stringify(this.found?.lights || null);
     this.draw();
   },

@@ -42,7 +42,7 @@ def measure(
     device : "auto", "cpu" or "cuda"
     integration : a key of photonormal.integrate.METHODS; None: no depth
     K : (3, 3) camera matrix in pixels, for a perspective surface; None: the capture's own, if it has one
-    albedo : whether to find it
+    albedo : whether to find it, which takes lights, given or found by the method; so do expected errors
     expected_error : whether to tell how far each normal is expected to be off
     examine : whether to look for faults of the photographs and lights (`photonormal.check`), the report's warnings
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
@@ -74,14 +74,14 @@ def measure(
             computed_in = number_format(where) if solver.needs.reads == "stream" else None
         normals = on_mask(found, capture)
     lit = with_lights(capture, found)
-    if expected_error:
+    if expected_error and lit.lights is not None:
         from photonormal.solve.expected import with_expected_error
 
         with _stage("expected error", seconds), progress("expected errors"):
             lit = seen_as_distant(lit, normals)
             normals = with_expected_error(normals, found, lit, solver, where)
     rho = surface = None
-    if albedo:
+    if albedo and lit.lights is not None:
         from photonormal.solve.albedo import lambertian_albedo
 
         with _stage("albedo", seconds), progress("albedo"):

@@ -126,4 +126,5 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
 
     where = torch_device(device)
     found = run(solver, capture, where)
-    return with_expected_error(on_mask(found, capture), found, with_lights(capture, found), solver, where)
+    normals, lit = on_mask(found, capture), with_lights(capture, found)
+    return normals if lit.lights is None else with_expected_error(normals, found, lit, solver, where)

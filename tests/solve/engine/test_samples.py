@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import torch
 
+import photonormal as pn
 from photonormal import InputError
 from photonormal.geometry import angle_deg
 from photonormal.solve import METHODS, configure
 from photonormal.solve.contract import Needs, Observations, Solution
-from photonormal.solve.engine import on_mask, run, samples
+from photonormal.solve.engine import on_mask, run, samples, with_lights
 from photonormal.solve.engine.device import torch_device
 from photonormal.solve.inputs import blocks
 from tests.scenes import lambertian, ring, sphere
@@ -69,6 +70,18 @@ def test_a_method_may_learn_while_it_measures_and_find_the_lights():
     found = run(Learning(), capture, CPU)
     assert found.lights is not None and found.lights.shape == (10, 3) and not found.normals.requires_grad
     assert on_mask(found, capture).mask.any()
+
+
+def test_the_main_path_takes_what_such_a_method_finds(monkeypatch):
+    monkeypatch.setitem(METHODS, "learning", "tests.solve.engine.test_samples:Learning")
+    capture = replace(lambertian(sphere(24), ring(9)), lights=None)
+    result = pn.measure(capture, "learning", device="cpu")
+    assert result.lights is not None and result.albedo is not None and result.surface is not None
+    assert result.report["method"] == "learning" and result.report["options"] == {"steps": 60}
+    lit = with_lights(capture, run(Learning(), capture, CPU))
+    shown = np.maximum(np.einsum("hwi,ni->nhw", result.normals.map, lit.known_lights()), 0) * result.albedo[..., 0]
+    rest = np.abs(np.stack([lit.images[j][..., 0] for j in range(10)]) - shown)[:, capture.mask]
+    assert rest.mean() < 0.1  # normals, lights and albedo explain the photographs, whatever the ambiguity
 
 
 def test_lights_and_their_number_are_asked_for():

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from photonormal.solve.contract import Method, Solution, Solver, Streaming
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import Capture, Image, Images, InputError, Normals, window_of
 
 
 def run(method: Method, capture: Capture, device: torch.device) -> Solution:
@@ -69,7 +69,21 @@ def on_mask(solution: Solution, capture: Capture) -> Normals:
 
 
 def with_lights(capture: Capture, solution: Solution) -> Capture:
-    """The capture under the lights that a method found, if it did."""
-    if solution.lights is None:
-        return capture
-    return replace(capture, lights=solution.lights.double().numpy())
+    """The capture under the lights, and divided by the intensities, that a method found, if it did."""
+    if solution.intensities is not None:
+        capture = replace(capture, images=Divided(capture.images, solution.intensities.numpy()), saturation=None)
+    return capture if solution.lights is None else replace(capture, lights=solution.lights.double().numpy())
+
+
+class Divided:
+    """Pictures over the intensities of their lights (`photonormal.types.Images`)."""
+
+    def __init__(self, images: Images, intensities: np.ndarray):
+        self.images, self.intensities, self.shape = images, intensities / intensities.mean(), images.shape
+
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of one picture."""
+        return window_of(self.images, j, rows, columns) / self.intensities[j]
+
+    def __getitem__(self, j: int, /) -> Image:
+        return self.window(j, slice(None), slice(None))

@@ -220,3 +220,12 @@ def test_real_captures_given_wrong_lights(data, name):
     for lights in (L[np.random.default_rng(1).permutation(n)], L * [1, -1, 1]):
         fixed = [f.lights for f in check(replace(capture, lights=lights)) if f.kind in ("order", "frame")]
         assert len(fixed) == 1 and np.quantile(angle_deg(fixed[0], L), 0.9) < 3
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -1.0])
+def test_pictures_that_show_nothing_are_judged_without_an_error(right, level):
+    """All dark, all white, or below zero; also where a single lamp was lit."""
+    images = np.full((len(LIGHTS), 48, 48, 1), level, np.float32)
+    check(Capture(images, np.ones((48, 48), bool), LIGHTS))
+    images[1:] = 0
+    check(Capture(images, np.ones((48, 48), bool), LIGHTS))

@@ -48,7 +48,8 @@ def darkness(samples: Samples, capture: Capture) -> list[Finding]:
                 {"pictures": names},
             )
         )
-    dark = float(((np.delete(samples.I, black, axis=1) <= 0).mean(1) > MOSTLY).mean())
+    lit = np.delete(samples.I, black, axis=1)
+    dark = float(((lit <= 0).mean(1) > MOSTLY).mean()) if lit.size else 0.0
     if dark > ZERO:
         found.append(
             Finding(

@@ -28,8 +28,7 @@ def combined(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n a b"]
     for j in range(n):
         others = np.delete(np.arange(n), j)
         V = np.linalg.eigh(G[np.ix_(others, others)])[1][:, -min(RANK, n - 2) :]  # (n - 1, r)
-        H = V.T @ G[np.ix_(others, others)] @ V
-        weights = np.linalg.solve(H + 1e-9 * np.trace(H) * np.eye(len(H)), V.T @ G[others, j])
+        weights = np.linalg.pinv(V.T @ G[np.ix_(others, others)] @ V, hermitian=True) @ V.T @ G[others, j]
         shown[j] = (V @ weights) @ A[others]
     return shown.reshape(pictures.shape)
 
@@ -52,7 +51,7 @@ def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
 
 def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str]) -> list[Finding]:
     """Pictures that moved; `scale` is that of `pictures` against the photographs."""
-    if min(pictures.shape[1:]) < SIZE or len(pictures) < RANK + 2:
+    if min(pictures.shape[1:]) < SIZE or len(pictures) < RANK + 2 or not pictures.any():
         return []
     shift = shifts(pictures) / scale
     moved = np.flatnonzero(np.abs(shift).max(1) > 0)

@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from photonormal.capture.lights import read_lp
+from photonormal.capture.lights import read_lights
 from photonormal.geometry import angle_deg, normalised
 from photonormal.rig import calibrate
 from photonormal.types import InputError
@@ -309,7 +309,8 @@ def outcome(kind: str, k: int, scene: Scene, rng: np.random.Generator, keep: Pat
         written(scene, rng, folder)
         try:
             report = calibrate(folder, out=folder / "out" / "lights.lp", overwrite=True)
-            names, L = read_lp(folder / "out" / "lights.lp")
+            listed = read_lights(folder / "out" / "lights.lp")
+            names, L = listed.names, listed.vectors
             used = [int(name[4:7]) - 1 for name in names]
             off, said = min(float(angle_deg(L, t[used]).mean()) for t in truth(scene)), " ".join(report["warnings"])
             at = 0 if off <= 2 else 2 if said else 3 if off <= 5 else 4

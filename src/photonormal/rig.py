@@ -16,8 +16,8 @@ from photonormal.calibrate.circle import Circle, SphereError
 from photonormal.calibrate.mirror import mean_directions, nearest_point
 from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
 from photonormal.capture import files_read, load
-from photonormal.capture.assemble import find_mask, find_pictures, parse_images
 from photonormal.capture.images import ImageFiles, parts, read_mask
+from photonormal.capture.pictures import find_mask, find_pictures, no_pictures, parse_images
 from photonormal.capture.texts import read_lines
 from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
@@ -338,7 +338,7 @@ def numbered_pictures(folder: Path) -> list[Path]:
     pictures = find_pictures(folder)
     numbered = [p for p in pictures if re.search(r"\d", p.stem)]
     if not pictures:
-        raise InputError(f"{folder} holds no pictures; give a folder with PNG, TIFF, JPEG, TGA, EXR, NPY or RAW files.")
+        raise no_pictures(folder)
     return numbered or pictures
 
 

@@ -179,6 +179,7 @@ class Capture:
     lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ, or
         what gives those of some pixels when asked (``lights_at[a:b]``); then the images hold no fall-off
         (`photonormal.solve.engine.near` makes such captures)
+    notes : what was assumed when it was read, and the user should know, a sentence each
 
     Raises
     ------
@@ -197,6 +198,7 @@ class Capture:
     lamps: Lamps | None = None
     camera: Camera | None = None
     lights_at: LightsAt | None = field(default=None, repr=False)
+    notes: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         shape = tuple(self.images.shape)

@@ -5,8 +5,8 @@ import pytest
 
 import photonormal as pn
 from photonormal.calibrate.mask import mask_from_shading
-from photonormal.capture.assemble import find_pictures
 from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.capture.pictures import find_pictures
 from photonormal.cli import main
 from photonormal.types import InputError
 from tests.calibrate.chrome import dome

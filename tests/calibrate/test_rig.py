@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from photonormal.capture.lights import read_lp
-from photonormal.capture.texts import read_directions
+from photonormal.capture.lights import read_lights
 from photonormal.cli import main
 from photonormal.geometry import angle_deg, normalised
 from tests.calibrate.chrome import CENTRE, RADIUS, dome, highlight_at, photograph, write_chrome, write_pictures
@@ -30,10 +29,11 @@ def test_lights_are_right_and_named_after_the_object_s_pictures(rig, capsys):
         capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "new folder" / "lights.lp"
     )
     assert (code, err) == (0, "") and "(good)" in out
-    names, L = read_lp(rig / "new folder" / "lights.lp")
+    listed = read_lights(rig / "new folder" / "lights.lp")
+    names, L = listed.names, listed.vectors
     assert names == [f"DSC {j:03d}.png" for j in range(1, 10)]
     assert angle_deg(L, dome(9)).max() < 1
-    assert np.allclose(read_directions(rig / "new folder" / "light_directions.txt"), L)
+    assert np.allclose(read_lights(rig / "new folder" / "light_directions.txt").vectors, L)
     report = json.loads((rig / "new folder" / "lights.json").read_text())
     assert report["spheres"][0]["circle"]["residual_px"] < 1 and len(report["lights"]) == 9
     assert (rig / "new folder" / "lights_spheres.png").stat().st_size > 10000
@@ -44,13 +44,13 @@ def test_a_mask_or_a_given_circle_is_exact(rig, capsys, how):
     write_chrome(rig / "marked", dome(9), mask=how == "mask")
     given = ["--circle", f"{CENTRE[0]},{CENTRE[1]},{RADIUS}"] if how == "circle" else []
     run(capsys, "calibrate", rig / "object", "--sphere", rig / "marked", "--out", rig / "lights.lp", *given)
-    assert angle_deg(read_lp(rig / "lights.lp")[1], dome(9)).max() < 0.5
+    assert angle_deg(read_lights(rig / "lights.lp").vectors, dome(9)).max() < 0.5
 
 
 def test_a_sphere_beside_the_object_is_found_in_its_own_pictures(tmp_path, capsys):
     write_chrome(tmp_path / "scene", dome(7))
     assert run(capsys, "calibrate", tmp_path / "scene", "--out", tmp_path / "lights.lp")[0] == 0
-    assert angle_deg(read_lp(tmp_path / "lights.lp")[1], dome(7)).max() < 1
+    assert angle_deg(read_lights(tmp_path / "lights.lp").vectors, dome(7)).max() < 1
 
 
 def test_a_reference_picture_without_a_number_is_no_light(rig, capsys):
@@ -58,7 +58,7 @@ def test_a_reference_picture_without_a_number_is_no_light(rig, capsys):
 
     cv2.imencode(".png", photograph([], ground=0.9))[1].tofile(rig / "chrome" / "ref.png")
     run(capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "lights.lp")
-    assert angle_deg(read_lp(rig / "lights.lp")[1], dome(9)).max() < 1
+    assert angle_deg(read_lights(rig / "lights.lp").vectors, dome(9)).max() < 1
 
 
 def test_two_folders_are_averaged_and_their_disagreement_reported(rig, capsys):
@@ -66,7 +66,7 @@ def test_two_folders_are_averaged_and_their_disagreement_reported(rig, capsys):
     write_chrome(rig / "second", dome(9), **other)
     run(capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", rig / "second", "--out", rig / "lights.lp")
     report = json.loads((rig / "lights.json").read_text())
-    assert angle_deg(read_lp(rig / "lights.lp")[1], dome(9)).max() < 0.8
+    assert angle_deg(read_lights(rig / "lights.lp").vectors, dome(9)).max() < 0.8
     assert all(len(light["off_mean_deg"]) == 2 and max(light["off_mean_deg"]) < 1 for light in report["lights"])
 
 
@@ -92,7 +92,7 @@ def test_two_spheres_in_one_frame_give_positions(tmp_path, capsys):
         capsys, "calibrate", tmp_path / "scene", "--out", tmp_path / "l.lp", "--count", 2, "--radius-mm", 20,
         "--circle", *circles,
     )  # fmt: skip
-    found = read_directions(tmp_path / "light_positions.txt")
+    found = read_lights(tmp_path / "light_positions.txt").vectors
     assert code == 0 and (np.linalg.norm(found - lights, axis=1) < 0.03 * np.linalg.norm(lights, axis=1)).all()
 
 
@@ -155,8 +155,13 @@ def dark(rig, *numbers) -> None:
 def test_a_lamp_that_is_off_is_left_out_and_told(rig, capsys):
     dark(rig, 5)
     code, _, err = run(capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "lights.lp")
-    names, L = read_lp(rig / "lights.lp")
-    assert code == 0 and "no highlight was found on the sphere in DSC 005.png of chrome" in err and "DSC 005.png" not in names
+    listed = read_lights(rig / "lights.lp")
+    names, L = listed.names, listed.vectors
+    assert (
+        code == 0
+        and "no highlight was found on the sphere in DSC 005.png of chrome" in err
+        and "DSC 005.png" not in names
+    )
     assert angle_deg(L, np.delete(dome(9), 4, axis=0)).max() < 1
 
 
@@ -165,7 +170,8 @@ def test_photographs_can_be_skipped(rig, capsys):
     code, _, err = run(
         capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "lights.lp", "--skip", "2-3,5"
     )
-    names, L = read_lp(rig / "lights.lp")
+    listed = read_lights(rig / "lights.lp")
+    names, L = listed.names, listed.vectors
     assert (code, err) == (0, "") and [name[4:7] for name in names] == ["001", "004", "006", "007", "008", "009"]
     assert angle_deg(L, np.delete(dome(9), [1, 2, 4], axis=0)).max() < 1
 
@@ -188,8 +194,8 @@ class TestRealSpheres:
             capsys, "calibrate", frog / "Objects", "--sphere", sphere, "--out", tmp_path / "lights.lp", *given
         )
         assert code == 0
-        reference = normalised(read_directions(frog / "light_directions.txt"))
-        return angle_deg(read_lp(tmp_path / "lights.lp")[1], reference).mean()
+        reference = normalised(read_lights(frog / "light_directions.txt").vectors)
+        return angle_deg(read_lights(tmp_path / "lights.lp").vectors, reference).mean()
 
     @pytest.mark.parametrize("probe", [1, 2])
     def test_with_the_circle_of_the_set(self, data, tmp_path, capsys, probe):
@@ -209,7 +215,7 @@ class TestRealSpheres:
         for picture in (uw / "chrome").glob("chrome.*[0-9].png"):
             (tmp_path / "chrome" / picture.name).symlink_to(picture)
         run(capsys, "calibrate", uw / "owl", "--sphere", tmp_path / "chrome", "--out", tmp_path / "b" / "lights.lp")
-        (_, a), (_, b) = (read_lp(tmp_path / k / "lights.lp") for k in "ab")
+        a, b = (read_lights(tmp_path / k / "lights.lp").vectors for k in "ab")
         assert angle_deg(a, b).max() < 1.5 and a[:, 1].min() > 0  # all of these lights hang above the camera
 
 

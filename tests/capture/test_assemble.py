@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from photonormal import load
-from photonormal.capture.assemble import find_mask, find_pictures, known_normals, natural, parse_images
+from photonormal.capture.assemble import known_normals
+from photonormal.capture.pictures import find_mask, find_pictures, natural, parse_images
 from tests.capture.files import LIGHTS, MASK, refusal, samples, write_folder, write_picture
 
 

@@ -149,7 +149,8 @@ class TestPaths:
 
     @pytest.mark.parametrize("format", ["auto", *FORMATS])
     def test_a_file_where_a_folder_is_needed(self, folder, format):
-        refusal(load, folder / "light_directions.txt", format=format)
+        if format != "rti":  # which takes lights by any name, and the pictures beside them
+            refusal(load, folder / "light_directions.txt", format=format)
         refusal(load, folder / "1.png", format=format)
 
     @pytest.mark.parametrize("format", [f for f in FORMATS if f != "folder"])

@@ -8,7 +8,6 @@ import pytest
 from photonormal.capture.texts import (
     beside,
     number,
-    read_directions,
     read_intensities,
     read_lines,
     read_table,
@@ -78,18 +77,6 @@ def test_a_decimal_comma():
     assert number("-0,34") == -0.34
     with pytest.raises(ValueError):
         number("1,2,3")
-
-
-class TestDirections:
-    def test_rows_or_columns(self, tmp_path):
-        L = np.random.default_rng(0).normal(size=(5, 3))
-        for table in (L, L.T):
-            np.savetxt(tmp_path / "a.txt", table)  # 19 digits
-            np.testing.assert_array_equal(read_directions(tmp_path / "a.txt"), L)
-
-    def test_neither(self, tmp_path):
-        np.savetxt(tmp_path / "a.txt", np.ones((5, 4)))
-        assert "(5, 4)" in refusal(read_directions, tmp_path / "a.txt")
 
 
 class TestIntensities:

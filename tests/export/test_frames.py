@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photonormal.capture.lights import read_lp
+from photonormal.capture.lights import read_lights
 from photonormal.cli import main
 from photonormal.export import load_normals, save
 from photonormal.geometry import FRAMES, angle_deg, in_frame
@@ -43,7 +43,7 @@ def test_cameras_that_look_along_z_see_normals_of_negative_z():
 def test_calibrated_lights_come_back_from_every_frame(tmp_path, frame, capsys):
     write_chrome(tmp_path / "scene", dome(7), mask=True)
     assert main(["calibrate", str(tmp_path / "scene"), "--out", str(tmp_path / "l.lp"), "--frame", frame]) == 0
-    assert angle_deg(in_frame(read_lp(tmp_path / "l.lp")[1], frame), dome(7)).max() < 0.5
+    assert angle_deg(in_frame(read_lights(tmp_path / "l.lp").vectors, frame), dome(7)).max() < 0.5
 
 
 @pytest.mark.parametrize("frame", FRAMES)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture import load
-from photonormal.capture.assemble import natural
+from photonormal.capture.pictures import natural
 from photonormal.types import Capture, InputError
 
 DILIGENT = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")

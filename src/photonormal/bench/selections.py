@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.bench.benchmarks import FAULTY, Item
-from photonormal.capture.assemble import parse_images
+from photonormal.capture.pictures import parse_images
 from photonormal.stored import read_bytes
 from photonormal.types import Capture, Image, Images, InputError, window_of
 

@@ -11,7 +11,7 @@ from photonormal.bench.benchmarks import DILIGENT
 from photonormal.bench.published import Published, of_method, others
 from photonormal.bench.scores import Scored, all_scored
 from photonormal.bench.store import configs
-from photonormal.capture.assemble import natural
+from photonormal.capture.pictures import natural
 from photonormal.solve import METHODS
 from photonormal.types import InputError
 

@@ -52,7 +52,8 @@ def load(
     lens : calibration that OpenCV wrote, whose distortion is taken out
     memory : how much this process may use from now on, such as "3GB"; empty: as before, half of what is free at first.
         An eighth of it bounds what one file may take when it is decoded
-    choices : `linear`, `exif_exposure`, `hot_pixels`, `frame`, and for near lights `mm_per_px`, `dome_radius_mm` and
+    choices : `lights_as`, `ring`, `elevation`, `start`, `clockwise`, `rgb_lights`, `prefer`, `linear`,
+        `exif_exposure`, `hot_pixels`, `frame`, and for near lights `mm_per_px`, `dome_radius_mm` and
         `focal_px`, see `photonormal.capture.assemble.Choice`
 
     Raises

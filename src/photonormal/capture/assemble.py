@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,11 +11,15 @@ import numpy as np
 
 from photonormal.capture.corrections import Corrected, flat_field, hot_pixels, read_frame
 from photonormal.capture.exif import declared_srgb, exposures
-from photonormal.capture.images import MARGIN, ImageFiles, Picture, parts, read_mask
+from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, read_mask, size_of
 from photonormal.capture.lens import Lens, read_lens
-from photonormal.capture.lights import in_order_of, placed, read_lights
+from photonormal.capture.lights import read_lights
+from photonormal.capture.lights.match import in_order_of
+from photonormal.capture.lights.near import placed
+from photonormal.capture.lights.ring import ring
+from photonormal.capture.lights.table import Listed
+from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated
 from photonormal.capture.texts import read_intensities
-from photonormal.files.decode import SUFFIXES, frame_of
 from photonormal.geometry import in_frame
 from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of
 
@@ -28,7 +31,12 @@ class Choice:
     Parameters
     ----------
     images : a subset by 1-based numbers, "1-10,15"; empty: all
-    lights : file with light directions, instead of the folder's own; `.lp`, CSV or a table
+    lights : file with light directions, instead of the folder's own (`photonormal.capture.lights`)
+    lights_as : what that file's numbers are, see `photonormal.capture.lights.read_lights`
+    ring, elevation, start, clockwise : lamps at equal steps around the object, instead of a file
+        (`photonormal.capture.lights.ring`)
+    rgb_lights : each photograph shows three lights at a time, one in red, one in green and one in blue
+    prefer : which kind of file to take where pictures are there in two kinds, such as RAW and JPEG
     mask : mask picture, instead of the folder's own
     srgb : the pictures are sRGB-encoded and have to be linearised
     linear : they are not, though 8-bit pictures say so in their Exif data, which is believed otherwise
@@ -45,6 +53,13 @@ class Choice:
 
     images: str = ""
     lights: Path | None = None
+    lights_as: str = ""
+    ring: int | None = None
+    elevation: float | None = None
+    start: float = 0.0
+    clockwise: bool = False
+    rgb_lights: bool = False
+    prefer: str = ""
     mask: Path | None = None
     srgb: bool = False
     linear: bool = False
@@ -59,13 +74,17 @@ class Choice:
     dome_radius_mm: float | None = None
     focal_px: float | None = None
 
+    def not_pictures(self) -> list[Path | None]:
+        """Files that it names, which are no photographs under one light."""
+        return [self.dark, self.flat, self.mask, self.lights, self.intensities]
+
 
 def assemble(
     name: str,
-    pictures: Sequence[Picture],
-    lights: np.ndarray | None,
+    pictures: Sequence[Path | tuple[Path, ...]],
+    lights: np.ndarray | Listed | None,
     choice: Choice,
-    intensities: np.ndarray | None = None,
+    intensities: np.ndarray | Path | None = None,
     mask: Path | np.ndarray | None = None,
     truth: np.ndarray | Callable[[tuple[int, int]], np.ndarray] | None = None,
     lamps: Lamps | None = None,
@@ -73,82 +92,106 @@ def assemble(
 ) -> Capture:
     """A Capture of the chosen pictures.
 
-    `lights` is (n, 3) for the n `pictures`, as written, or None where there are none or `lamps`, `intensities` (n, 1 or
-    3) or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown, or what reads it for pictures of (h, w).
+    `lights` is (n, 3) for the n `pictures`, as written, or what a file lists, or None where there are none or `lamps`,
+    `intensities` (n, 1 or 3), their file, or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown, or what
+    reads it for pictures of (h, w).
     """
-    n = len(pictures)
-    if not n:
-        raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, TGA, EXR, NPY or RAW files.")
-    names = [parts(p)[0].name for p in pictures]
-    if choice.lights is not None:
-        lights = in_order_of(names, *read_lights(choice.lights), choice.lights)
-    if lights is not None and len(lights) != n:
-        raise InputError(
-            f"{name} has {n} pictures but {len(lights)} light directions; give one direction for each picture, "
-            "in the same order, and remove pictures that are not part of the capture."
-        )
-    if lights is not None:
-        lights = in_frame(lights, choice.frame)
-    chosen = parse_images(choice.images, n)
-    files = [path for j in chosen for path in parts(pictures[j])]
-    missing = [path for path in files if not os.path.exists(path) or os.path.isdir(path)]
-    if missing:
-        more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
-        raise InputError(
-            f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list "
-            "that names it or choose others with --images."
-        )
-    refuse_repeated(files)
-    if choice.intensities is not None:
-        intensities = read_intensities(choice.intensities, n)
-    if intensities is None:
-        intensities = np.ones((n, 1))
+    if not pictures:
+        raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, TGA, NPY or RAW files.")
+    every = [page for p in pictures for page in (pages([p]) if isinstance(p, Path) else [p])]
+    if choice.rgb_lights:
+        every = [plane for picture in every for plane in planes(picture)]
+    listed = _listed(lights, choice)
+    order, rows, notes = list(range(len(every))), [], []
+    if listed is not None:
+        order, rows, notes = in_order_of([name_of(p) for p in every], listed)
+    with_light = [every[j] for j in order]
+    chosen = parse_images(choice.images, len(with_light))
+    used = [with_light[j] for j in chosen]
+    _refuse_missing(used, name)
+    refuse_repeated(used)
+    vectors = None
+    if listed is not None:
+        if len(rows) not in (len(with_light), len(used)):
+            raise counts_differ(name, used, len(rows), listed.source)
+        rows = rows if len(rows) == len(used) else [rows[j] for j in chosen]
+        vectors = in_frame(listed.vectors[rows], choice.frame if choice.ring is None else "opengl")
+        notes = [*listed.notes, *notes]
+        if listed.intensities is not None and intensities is None:
+            intensities = listed.intensities[rows]
+    e = _intensities(choice.intensities or intensities, [len(used), len(with_light), len(every)], order, chosen)
     if choice.exif_exposure:
-        intensities = intensities * exposures([parts(p)[0] for p in pictures])
-    if choice.mask is not None:
-        mask = choice.mask
+        e = e * exposures([parts(p)[0] for p in used])
+    mask = mask if choice.mask is None else choice.mask
     if isinstance(mask, Path):
-        mask = read_mask(mask, frame_of(files[0]))
-    srgb = choice.srgb or (not choice.linear and declared_srgb(parts(pictures[chosen[0]])[0]))
-    box = None if choice.lens else mask
-    samples = ImageFiles([pictures[j] for j in chosen], box, intensities[chosen], srgb, distinct=True)
+        mask = read_mask(mask, size_of(used[0]))
+    srgb = choice.srgb or (not choice.linear and declared_srgb(parts(used[0])[0]))
+    samples = ImageFiles(used, None if choice.lens else mask, e, srgb, distinct=True)
     lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
     images = corrected(samples, choice, lens, None if mask is None else box_of(mask, MARGIN))
     if lamps is None:
-        h, w = samples.shape[1:3]
-        lamps, camera = placed(lights, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, (h, w))
-    given = truth(samples.shape[1:3]) if callable(truth) else truth
+        lamps, camera = placed(vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, samples.frame)
+    else:
+        lamps = lamps[chosen]
+    given = truth(samples.frame) if callable(truth) else truth
     return Capture(
         images=images,
-        mask=np.ones(samples.shape[1:3], bool) if mask is None else mask,
-        lights=None if lights is None else lights[chosen],
-        lamps=None if lamps is None else lamps[chosen],
+        mask=np.ones(samples.frame, bool) if mask is None else mask,
+        lights=vectors,
+        lamps=lamps,
         camera=camera,
         truth=None if given is None else known_normals(given),
         saturation=samples.saturation,
         name=name,
-        image_names=tuple(names[j] for j in chosen),
+        image_names=tuple(name_of(p) for p in used),
+        notes=tuple(notes),
     )
 
 
-def refuse_repeated(paths: Sequence[Path]) -> None:
-    """Raise where two paths lead to one file: a photograph has one light."""
-    seen: dict[tuple[int, int], Path] = {}
-    for path in paths:
-        status = os.stat(path)
-        first = seen.setdefault((status.st_dev, status.st_ino), path)
-        if first is not path:
-            raise InputError(
-                f"{first.name} is named {'twice' if first == path else f'again as {path.name}'} but a photograph has "
-                "one light; correct the list that names it or choose others with --images."
-            )
+def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None:
+    """The lights that the user names, or else those that the reader found."""
+    if choice.ring is not None and choice.lights is not None:
+        raise InputError(
+            f"--ring {choice.ring} came with --lights {choice.lights} but one of them is needed; drop one."
+        )
+    if choice.ring is not None:
+        return Listed(None, [], ring(choice.ring, choice.elevation, choice.start, choice.clockwise))
+    for option, value in (("--elevation", choice.elevation is not None), ("--clockwise", choice.clockwise)):
+        if value:
+            raise InputError(f"{option} came without --ring but it says how lamps stand in one; add how many they are.")
+    if choice.lights is not None:
+        return read_lights(choice.lights, choice.lights_as)
+    return Listed(None, [], lights) if isinstance(lights, np.ndarray) else lights
+
+
+def _refuse_missing(pictures: Sequence[Picture], name: str) -> None:
+    files = [path for picture in pictures for path in parts(picture)]
+    missing = [path for path in files if not os.path.exists(path) or os.path.isdir(path)]
+    if missing:
+        more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
+        raise InputError(
+            f"picture {missing[0]} is missing{more} but {name} is to be read with it; restore it, correct the list "
+            "that names it, choose others with --images, or name a file with lights for the pictures that are there "
+            "with --lights."
+        )
+
+
+def _intensities(given: np.ndarray | Path | None, counts: list[int], order: list[int], chosen: list[int]) -> np.ndarray:
+    """Intensities (n, 1 or 3) of the pictures used; given for those, for all with a light, or for all there are."""
+    used, with_light, every = counts
+    if given is None:
+        return np.ones((used, 1))
+    table = read_intensities(given, *counts) if isinstance(given, Path) else given
+    if len(table) == every and every != with_light:
+        table = table[order]
+    return table if len(table) == used else table[chosen]
 
 
 def corrected(files: ImageFiles, choice: Choice, lens: Lens | None, box: tuple[slice, slice] | None) -> Images:
     """The pictures without what `choice` names: dark level, flat field, hot pixels, and the lens's distortion."""
-    shape, linear = files.shape[1:], files.linear
+    shape, linear = (*files.frame, 3 if choice.rgb_lights else files.shape[3]), files.linear
     dark = read_frame(choice.dark, shape, "dark frame", linear) if choice.dark else None
     flat = None
     if choice.flat:
@@ -174,59 +217,3 @@ def known_normals(map: np.ndarray) -> Normals:
     unit = np.zeros(map.shape, np.float32)
     unit[known] = map[known] / length[known][:, None]
     return Normals(unit, known)
-
-
-def parse_images(text: str, n: int, option: str = "--images") -> list[int]:
-    """Zero-based indices from 1-based numbers and ranges, as `option` gives them.
-
-    >>> parse_images("1-3,5", 6)
-    [0, 1, 2, 4]
-    """
-    if not text.strip():
-        return list(range(n))
-    chosen: list[int] = []
-    for part in text.split(","):
-        match = re.fullmatch(r"\s*([0-9]{1,9})\s*(?:-\s*([0-9]{1,9})\s*)?", part)
-        if match is None:
-            raise InputError(
-                f"{option} {text[:60]!r} has {part[:20]!r} but numbers and ranges like 1-10,15 are needed; correct it."
-            )
-        first, last = int(match[1]), int(match[2] or match[1])
-        if not 1 <= first <= last <= n:
-            raise InputError(
-                f"{option} {text[:60]!r} asks for {part.strip()} but this capture has 1 to {n}; choose from those."
-            )
-        chosen += range(first - 1, last)
-    if len(set(chosen)) != len(chosen):
-        raise InputError(f"{option} {text[:60]!r} names a picture twice; name each once.")
-    return chosen
-
-
-def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Sorting key that puts image 10 after image 9."""
-    tokens = [t for t in re.split(r"([0-9]+)", path.name.lower()) if t]
-    return [(int(t), "") if t[0] in "0123456789" else (-1, t) for t in tokens], path.name
-
-
-def find_pictures(folder: Path) -> list[Path]:
-    """Picture files of a folder in natural order, without masks, mattes and normal maps."""
-    other = re.compile(
-        r"(^|[._-])(mask|matte|normals?|normals?_gt|inboundary|onboundary|spheres|refused|preview)$", re.IGNORECASE
-    )
-    return sorted((p for p in _picture_files(folder) if not other.search(p.stem)), key=natural)
-
-
-def find_mask(folder: Path) -> Path | None:
-    """The folder's mask picture: `mask.*`, or a name that ends in `.mask` or `_mask`."""
-    masks = [p for p in _picture_files(folder) if re.search(r"(^|[._-])mask$", p.stem, re.IGNORECASE)]
-    if len(masks) > 1:
-        raise InputError(
-            f"{folder} has {len(masks)} masks ({', '.join(p.name for p in masks)}); choose one with --mask."
-        )
-    return masks[0] if masks else None
-
-
-def _picture_files(folder: Path) -> list[Path]:
-    return [
-        p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and not p.is_dir()
-    ]

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
-from photonormal.capture.lights import last_part
+from photonormal.capture.lights.match import last_part
 from photonormal.capture.texts import read_lines, read_named
 from photonormal.files.decode import decode, full_scale
 from photonormal.types import Capture, InputError

@@ -26,8 +26,9 @@ class Corrected:
     Parameters
     ----------
     images : linear radiance divided by the intensities of the lights
-    dark : (h, w, 1 or c) level with all lights off, as a fraction of full scale; or None
-    flat : (h, w, 1 or c) relative brightness of an even white surface; or None
+    dark : (h, w, 1 or c) level with all lights off, as a fraction of full scale; or None. Of pictures that are one
+        channel each (h, w, 3): each picture's channel counts
+    flat : as `dark`, relative brightness of an even white surface; or None
     hot : (h, w) bool, pixels to be replaced by the median of their neighbours; or None
     lens : whose distortion is taken out; or None
     box : rows and columns outside of which the corrected pictures are zero
@@ -60,11 +61,11 @@ class Corrected:
     def _corrected(self, j: int) -> Image:
         image = self.images.decoded(j)
         if self.dark is not None:
-            image = np.maximum(image - self.dark / self.intensities[j], 0)
+            image = np.maximum(image - self.images.own(self.dark, j) / self.intensities[j], 0)
         if self.hot is not None and self.hot.any():
             image = np.where(self.hot[..., None], neighbours(image), image)
         if self.flat is not None:
-            image = image / self.flat
+            image = image / self.images.own(self.flat, j)
         if self.lens is not None:
             image = self.lens.undistorted(image)
         return image.astype(np.float32, copy=False)

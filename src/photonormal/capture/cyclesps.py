@@ -17,8 +17,9 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.assemble import Choice, assemble, natural
-from photonormal.capture.texts import read_directions
+from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.lights import read_lights
+from photonormal.capture.pictures import natural
 from photonormal.files.decode import decode, full_scale
 from photonormal.types import Capture, InputError
 
@@ -47,7 +48,7 @@ def read(path: Path, choice: Choice) -> Capture:
     return assemble(
         name=f"{folder.name.removesuffix('.obj')} {kind}".strip(),
         pictures=[(p, p.with_name(p.name.replace("_direct", "_indirect"))) for p in direct] or whole,
-        lights=read_directions(folder / "light.txt"),
+        lights=read_lights(folder / "light.txt"),
         mask=mask if os.path.lexists(mask) else None,
         truth=lambda frame: read_normals(folder / "gt_normal.tif", frame),
         choice=choice,

@@ -17,8 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.lights import read_lights
 from photonormal.capture.matlab import read_mat
-from photonormal.capture.texts import beside, read_directions, read_intensities, read_lines
+from photonormal.capture.texts import beside, read_lines
 from photonormal.types import Capture, InputError
 
 NEEDED = ("filenames.txt", "light_directions.txt", "light_intensities.txt")
@@ -49,8 +50,8 @@ def read(path: Path, choice: Choice) -> Capture:
     return assemble(
         name=path.resolve().name.removesuffix("PNG"),
         pictures=[beside(path, name) for name in names],
-        lights=read_directions(path / "light_directions.txt"),
-        intensities=read_intensities(path / "light_intensities.txt", len(names)),
+        lights=read_lights(path / "light_directions.txt"),
+        intensities=path / "light_intensities.txt",
         mask=path / "mask.png" if os.path.lexists(path / "mask.png") else None,
         truth=(lambda frame: read_normals(truth, frame)) if os.path.lexists(truth) else None,
         choice=choice,

@@ -1,9 +1,9 @@
 """A plain folder of photographs.
 
 my-object/
-    any names, any picture format      in natural order: image 10 comes after image 9
-    light_directions.txt               n x 3 or 3 x n; or lights.csv: [name,] x, y, z, header or not; names
-                                       in it choose and order the pictures
+    any names, any picture format      in natural order: image 10 comes after image 9; the pages of a TIFF stack
+    light_directions.txt               n x 3 or 3 x n; or lights.csv and other forms (`photonormal.capture.lights`);
+                                       names in it choose and order the pictures
     light_intensities.txt              n x 1 or n x 3; optional
     filenames.txt                      the pictures in the order of the lights; optional
     mask.*                             white on the object; optional
@@ -13,12 +13,15 @@ my-object/
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
-from photonormal.capture.assemble import Choice, assemble, find_mask, find_pictures
+from photonormal.capture.assemble import Choice, assemble
 from photonormal.capture.diligent import read_normals
-from photonormal.capture.lights import read_csv
-from photonormal.capture.texts import beside, read_directions, read_intensities, read_lines
+from photonormal.capture.lights import own_lights, read_lights
+from photonormal.capture.lights.match import located
+from photonormal.capture.pictures import find_mask, find_pictures, no_pictures, picture_files
+from photonormal.capture.texts import beside, read_lines
 from photonormal.types import Capture, InputError
 
 
@@ -27,30 +30,32 @@ def matches(path: Path) -> bool:
     return path.is_dir()
 
 
-def read(path: Path, choice: Choice) -> Capture:
-    """Pictures of the folder with the lights that lie beside them, or `choice.lights`."""
-    listed = path / "filenames.txt"
-    pictures = [beside(path, n) for n in read_lines(listed)] if os.path.lexists(listed) else find_pictures(path)
-    lights = None
-    if not pictures or choice.lights is not None:
-        pass
-    elif os.path.lexists(path / "light_directions.txt"):
-        lights = read_directions(path / "light_directions.txt")
-    elif os.path.lexists(path / "lights.csv"):
-        names, lights = read_csv(path / "lights.csv")
-        pictures = [beside(path, n) for n in names] or pictures
-    else:
+def read(path: Path, choice: Choice, lights: Path | None = None) -> Capture:
+    """Pictures of the folder with the lights that the user names, that the file `lights` holds, or that lie beside."""
+    given = choice.lights is not None or choice.ring is not None
+    own = lights or (None if given else own_lights(path))
+    listed = None if own is None else read_lights(own, "" if given else choice.lights_as)
+    pictures: list[Path] = []
+    if os.path.lexists(path / "filenames.txt"):
+        pictures = [beside(path, name) for name in read_lines(path / "filenames.txt")]
+    elif own is not None and listed is not None and listed.names:
+        named = located(listed.names, own.parent, picture_files(path))
+        if any(map(os.path.isfile, named)):
+            pictures, listed = named, replace(listed, names=[])
+    pictures = pictures or find_pictures(path, [own, *choice.not_pictures()], choice.prefer)
+    if not pictures:
+        raise no_pictures(path)
+    if own is None and not given:
         raise InputError(
-            f"{path} has {len(pictures)} pictures but no light_directions.txt, lights.csv or .lp; "
-            "add one, or name a file with --lights."
+            f"{path} has {len(pictures)} pictures but no light_directions.txt, lights.csv or .lp; add one, or name a "
+            "file with --lights, or say where the lamps stand with --ring."
         )
-    intensities = path / "light_intensities.txt"
-    truth = path / "Normal_gt.mat"
+    intensities, truth = path / "light_intensities.txt", path / "Normal_gt.mat"
     return assemble(
         name=path.resolve().name,
         pictures=pictures,
-        lights=lights,
-        intensities=read_intensities(intensities, len(pictures)) if os.path.lexists(intensities) else None,
+        lights=listed,
+        intensities=intensities if os.path.lexists(intensities) else None,
         mask=find_mask(path) if choice.mask is None else None,
         truth=(lambda frame: read_normals(truth, frame)) if os.path.lexists(truth) else None,
         choice=choice,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,30 @@ from photonormal.capture.store import Framed
 from photonormal.files.decode import RAW, decode, decode_all, frame_of, full_scale
 from photonormal.types import Image, InputError, box_of
 
-Picture = Path | tuple[Path, ...]  # a file, or several whose sum is the picture
+
+@dataclass(frozen=True)
+class Plane:
+    """A part of a file that is a picture by itself: a page of a stack, or one channel under a light of its own.
+
+    Parameters
+    ----------
+    page : 0-based; None: the file has one
+    channel : 0, 1 or 2; None: all
+    """
+
+    path: Path
+    page: int | None = None
+    channel: int | None = None
+
+    @property
+    def name(self) -> str:
+        """What reports call it, pages counted from 1."""
+        page = "" if self.page is None else f"[{self.page + 1}]"
+        return self.path.name + page + ("" if self.channel is None else f"[{COLOURS[self.channel]}]")
+
+
+COLOURS = ("red", "green", "blue")
+Picture = Path | Plane | tuple[Path, ...]  # a file, a part of one, or several whose sum is the picture
 
 ROWS = 8  # every so many rows of a picture tell whether another may be equal
 MARGIN = 8  # pixels kept around the mask's bounding box
@@ -20,7 +44,25 @@ MARGIN = 8  # pixels kept around the mask's bounding box
 
 def parts(picture: Picture) -> tuple[Path, ...]:
     """The files of a picture."""
+    if isinstance(picture, Plane):
+        return (picture.path,)
     return picture if isinstance(picture, tuple) else (picture,)
+
+
+def name_of(picture: Picture) -> str:
+    """What reports call a picture: its file's name, and which part of it."""
+    return picture.name if isinstance(picture, Plane) else parts(picture)[0].name
+
+
+def size_of(picture: Picture, frame: tuple[int, int] | None = None) -> tuple[int, int]:
+    """Height and width of a picture by its header, which must be `frame` where given."""
+    return frame_of(parts(picture)[0], frame, picture.page if isinstance(picture, Plane) else None)
+
+
+def planes(picture: Picture) -> list[Plane]:
+    """The three channels of a photograph as pictures."""
+    file, page = (picture.path, picture.page) if isinstance(picture, Plane) else (parts(picture)[0], None)
+    return [Plane(file, page, channel) for channel in range(3)]
 
 
 def srgb_to_linear(x: np.ndarray) -> np.ndarray:
@@ -64,9 +106,9 @@ class ImageFiles:
         srgb: bool = False,
         distinct: bool = False,
     ):
-        self.frame = frame_of(parts(pictures[0])[0])
+        self.frame = size_of(pictures[0])
         for other in pictures[1:2]:  # of two that differ in size neither is decoded
-            frame_of(parts(other)[0], self.frame)
+            size_of(other, self.frame)
         first = _decode(pictures[0], self.frame)
         n, (h, w, c) = len(pictures), first.shape
         self.pictures = pictures
@@ -100,7 +142,7 @@ class ImageFiles:
         if samples.shape != self.shape[1:] or samples.dtype != self.dtype:
             raise InputError(
                 f"picture {parts(self.pictures[j])[0]} is {samples.shape} {samples.dtype} but "
-                f"{parts(self.pictures[0])[0].name} is {self.shape[1:]} {self.dtype}; all pictures of a capture need "
+                f"{name_of(self.pictures[0])} is {self.shape[1:]} {self.dtype}; all pictures of a capture need "
                 "one size, one number of channels and one bit depth."
             )
         self._refuse_equal(j, samples[self.box])
@@ -116,7 +158,7 @@ class ImageFiles:
             return
         if not np.array_equal(crop, _decode(self.pictures[other], self.frame)[self.box]):
             return
-        alike = [parts(p)[0].name for p in self.pictures if np.array_equal(crop, _decode(p, self.frame)[self.box])]
+        alike = [name_of(p) for p in self.pictures if np.array_equal(crop, _decode(p, self.frame)[self.box])]
         raise InputError(
             f"{len(alike)} photographs ({', '.join(alike)}) are equal in every sample but each needs a light of its "
             "own; leave all but one of them out, or copy them from the camera again."
@@ -124,6 +166,12 @@ class ImageFiles:
 
     def __getitem__(self, j: int) -> Image:
         return self.window(j, slice(None), slice(None))
+
+    def own(self, frame: np.ndarray, j: int) -> np.ndarray:
+        """What a frame (h, w, c) of the whole camera holds for picture `j`, which may be one channel of it."""
+        picture = self.pictures[j]
+        channel = picture.channel if isinstance(picture, Plane) else None
+        return frame if channel is None or frame.shape[2] == 1 else frame[..., channel, None]
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of picture `j`."""
@@ -149,7 +197,15 @@ class ImageFiles:
 
 
 def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarray:
-    """Samples of a file; of several, their sum as a fraction of full scale, float32."""
+    """Samples of a file or a part of it; of several files, their sum as a fraction of full scale, float32."""
+    if isinstance(picture, Plane):
+        samples = decode(picture.path, frame, picture.page)
+        if picture.channel is not None and samples.shape[2] != 3:
+            raise InputError(
+                f"picture {picture.path} has {samples.shape[2]} channel but red, green and blue are needed, a light "
+                "each; leave --rgb-lights out."
+            )
+        return samples if picture.channel is None else samples[..., picture.channel, None]
     files = [decode(path, frame) for path in parts(picture)]
     if len(files) == 1:
         return files[0]

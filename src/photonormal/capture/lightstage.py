@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.assemble import Choice, assemble, natural
+from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.pictures import natural
 from photonormal.capture.texts import positive, read_lines, read_named
 from photonormal.files.decode import SUFFIXES, decode, full_scale
 from photonormal.types import Capture, InputError

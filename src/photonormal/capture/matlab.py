@@ -1,4 +1,4 @@
-"""One numeric array of a MATLAB file, version 5 to 7 ("MAT-File Format", MathWorks): nothing else in it is interpreted.
+"""Numeric arrays of a MATLAB file, version 5 to 7 ("MAT-File Format", MathWorks): nothing else in it is interpreted.
 
 A file is a header and a row of elements: type, size, content. An array is an element of elements: flags, dimensions,
 name, values; it may lie compressed in another element. Damaged files make general readers crash.
@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from math import prod
 from pathlib import Path
@@ -28,41 +31,85 @@ COMPLEX = 0x800
 HEAD = 4096  # bytes that hold an array's flags, shape and name
 
 
+@dataclass(frozen=True)
+class Head:
+    """What an array's element begins with."""
+
+    name: str
+    shape: tuple[int, ...]
+    numeric: bool
+
+
 def read_mat(path: Path, variable: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
     """The array called `variable`, float64, of the shape that MATLAB shows, which must be `shape` where that is given.
 
     Name and shape are looked at before anything else is unpacked.
     """
-    data = read_bytes(path, "a .mat file")
-    try:
-        order = ORDERS.get(data[HEADER - 4 : HEADER])
-        if order is None:
-            raise ValueError("no MATLAB file of version 5 to 7")
-        for kind, content in _elements(memoryview(data)[HEADER:], order):
-            size = len(content)
-            if kind == COMPRESSED:
-                head = memoryview(zlib.decompressobj().decompress(content, HEAD))
-                kind, size = struct.unpack_from(f"{order}II", head)
-            else:
-                head = content
-            if kind != MATRIX or (found := _shape(head[8:] if head is not content else head, order, variable)) is None:
+    with _refusals(path, f"save {variable} as numbers in a version 7 .mat file"):
+        for head, size, order, unpacked in _arrays(path):
+            if head.name != variable:
                 continue
-            if shape is not None and found != shape:
-                raise InputError(f"{variable} in {path} is {found} but {shape} is needed; save it for these pictures.")
-            nbytes = prod(found) * 8
+            if not head.numeric:
+                raise ValueError(f"{variable} holds no real numbers")
+            if shape is not None and head.shape != shape:
+                raise InputError(
+                    f"{variable} in {path} is {head.shape} but {shape} is needed; save it for these pictures."
+                )
+            nbytes = prod(head.shape) * 8
             memory.check(nbytes, f"{variable} in {path}")
             if size > nbytes + HEAD:
-                raise ValueError(f"{variable} has {size} bytes for {found} numbers")
-            if head is not content:
-                content = memoryview(zlib.decompressobj().decompress(content, 8 + size))[8:]
-            return _array(content, order, variable)
+                raise ValueError(f"{variable} has {size} bytes for {head.shape} numbers")
+            *_, (kind, content) = islice(_elements(unpacked(), order), 4)
+            return np.frombuffer(content, order + NUMBERS[kind]).astype(np.float64).reshape(head.shape, order="F")
+    raise InputError(f"{path} has no array {variable} but it is needed; save it there.")
+
+
+def shapes_of(path: Path) -> dict[str, tuple[int, ...]]:
+    """Names and shapes of the numeric arrays."""
+    with _refusals(path, "save it as a version 7 .mat file"):
+        return {head.name: head.shape for head, *_ in _arrays(path) if head.numeric}
+
+
+def _arrays(path: Path) -> Iterator[tuple[Head, int, str, Callable[[], memoryview]]]:
+    """Head, size in bytes and byte order of each array, and what unpacks it."""
+    data = read_bytes(path, "a .mat file")
+    order = ORDERS.get(data[HEADER - 4 : HEADER])
+    if order is None:
+        raise ValueError("no MATLAB file of version 5 to 7")
+    for kind, content in _elements(memoryview(data)[HEADER:], order):
+        if kind == COMPRESSED:
+            start = memoryview(zlib.decompressobj().decompress(content, HEAD))
+            kind, size = struct.unpack_from(f"{order}II", start)
+            head, unpacked = start[8:], partial(_inflated, content, size)
+        else:
+            head, size, unpacked = content, len(content), partial(memoryview, content)
+        if kind == MATRIX:
+            yield _head(head, order), size, order, unpacked
+
+
+def _inflated(content: memoryview, size: int) -> memoryview:
+    return memoryview(zlib.decompressobj().decompress(content, 8 + size))[8:]
+
+
+def _head(matrix: memoryview, order: str) -> Head:
+    """An array's head; its values need not be there."""
+    flags, dimensions, name = (bytes(content) for _, content in islice(_elements(matrix, order), 3))
+    flag = struct.unpack_from(f"{order}I", flags)[0]
+    shape = tuple(np.frombuffer(dimensions, f"{order}i4").tolist())
+    if any(n < 0 for n in shape):
+        raise ValueError(f"an array is {shape}")
+    return Head(name.decode("utf-8", "replace"), shape, flag & 0xFF in NUMERIC and not flag & COMPLEX)
+
+
+@contextmanager
+def _refusals(path: Path, advice: str) -> Iterator[None]:
+    """Whatever a damaged file raises becomes an InputError."""
+    try:
+        yield
     except InputError:
         raise
-    except (ValueError, LookupError, StopIteration, struct.error, zlib.error, MemoryError, OverflowError) as error:
-        raise InputError(
-            f"{path} can't be read ({error or 'it is truncated'}); save {variable} as numbers in a version 7 .mat file."
-        ) from None
-    raise InputError(f"{path} has no array {variable} but it is needed; save it there.")
+    except (ValueError, LookupError, struct.error, zlib.error, MemoryError, OverflowError) as error:
+        raise InputError(f"{path} can't be read ({error or 'it is truncated'}); {advice}.") from None
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
@@ -79,24 +126,3 @@ def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview]]:
             raise ValueError("it is truncated")
         yield kind, data[start : start + size]
         at += step
-
-
-def _shape(matrix: memoryview, order: str, variable: str) -> tuple[int, ...] | None:
-    """Shape of an array, or None where it has another name; its values need not be there."""
-    parts = _elements(matrix, order)
-    flags = struct.unpack_from(f"{order}I", next(parts)[1])[0]
-    shape = tuple(np.frombuffer(next(parts)[1], f"{order}i4").tolist())
-    if bytes(next(parts)[1]) != variable.encode():
-        return None
-    if flags & 0xFF not in NUMERIC or flags & COMPLEX:
-        raise ValueError(f"{variable} holds no real numbers")
-    if any(n < 0 for n in shape):
-        raise ValueError(f"{variable} is {shape}")
-    return shape
-
-
-def _array(matrix: memoryview, order: str, variable: str) -> np.ndarray:
-    """Values of the array."""
-    shape = _shape(matrix, order, variable)
-    *_, (kind, content) = islice(_elements(matrix, order), 4)
-    return np.frombuffer(content, order + NUMBERS[kind]).astype(np.float64).reshape(shape, order="F")

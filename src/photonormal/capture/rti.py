@@ -1,6 +1,10 @@
-"""RTI captures: an `.lp` file (`photonormal.capture.lights`) and the pictures that it names.
+"""RTI captures: an `.lp` file (`photonormal.capture.lights`) and the pictures that it names; RTIBuilder's projects.
 
-Names may hold spaces and are taken relative to the `.lp`, or by their last part where they come from another machine.
+project/
+    jpeg-exports/, cropped-files/, ...      the pictures
+    assembly-files/project.lp               their lights, by names of the machine that made them
+
+Names may hold spaces and are taken relative to the `.lp`, or by their last parts where they come from another machine.
 """
 
 from __future__ import annotations
@@ -8,39 +12,52 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from photonormal.capture.assemble import Choice, assemble, find_mask
-from photonormal.capture.lights import last_part, read_lp
-from photonormal.capture.texts import beside
+from photonormal.capture import folder
+from photonormal.capture.assemble import Choice
+from photonormal.capture.lights import read_lights
+from photonormal.capture.lights.match import located
+from photonormal.capture.pictures import picture_files
 from photonormal.types import Capture, InputError
+
+ORIGINAL = "_originalset"  # ends the name of RTIBuilder's list of pictures before they were cropped
 
 
 def matches(path: Path) -> bool:
-    """True for an `.lp` file, and for a folder that holds one."""
-    return path.suffix.lower() == ".lp" if path.is_file() else bool(_lp_files(path))
+    """True for an `.lp` file, for a folder that holds one, and for a project."""
+    return path.suffix.lower() == ".lp" if path.is_file() else bool(_lp_files(path) or _of_project(path))
 
 
 def read(path: Path, choice: Choice) -> Capture:
-    """The pictures that an `.lp` file names, with its directions; the mask is the folder's `mask.*`, if any."""
-    if path.is_dir():
-        found = _lp_files(path)
-        if len(found) != 1:
-            raise InputError(f"{path} has {len(found)} .lp files but one is needed; name the file itself.")
-        path = found[0]
-    names, lights = read_lp(path)
-    return assemble(
-        name=path.stem,
-        pictures=[_find(path, name) for name in names],
-        lights=lights,
-        mask=find_mask(path.parent) if choice.mask is None else None,
-        choice=choice,
-    )
+    """The pictures that an `.lp` file names, with its directions, or with the lights that the user names."""
+    if path.is_file():
+        return folder.read(path.parent, choice, lights=path)
+    if _lp_files(path):
+        return folder.read(path, choice)
+    lists = _of_project(path)
+    if not lists:
+        raise InputError(f"{path} has 0 .lp files but one is needed; name the file itself, or add --lights.")
+    return folder.read(path, choice, lights=_chosen(lists, path))
 
 
-def _lp_files(folder: Path) -> list[Path]:
-    return sorted(p for p in folder.iterdir() if p.suffix.lower() == ".lp" and not p.is_dir())
+def _lp_files(path: Path) -> list[Path]:
+    return sorted(p for p in path.iterdir() if p.suffix.lower() == ".lp" and not p.is_dir())
 
 
-def _find(lp: Path, name: str) -> Path:
-    """The picture that a line names: as written, with the other system's slashes, or by its last part."""
-    candidates = [beside(lp.parent, n) for n in (name, name.replace("\\", "/"), last_part(name))]
-    return next((c for c in candidates if os.path.isfile(c)), candidates[-1])
+def _of_project(path: Path) -> list[Path]:
+    """The lists in the folders of a project, which holds no pictures itself."""
+    if picture_files(path):
+        return []
+    below = [p for p in sorted(path.iterdir()) if p.is_dir() and os.access(p, os.R_OK | os.X_OK)]
+    return [lp for p in below for lp in _lp_files(p)]
+
+
+def _chosen(lists: list[Path], path: Path) -> Path:
+    """The list whose pictures are there; of those the one of what was made of the original set."""
+    there = [p for p in lists if any(map(os.path.isfile, located(read_lights(p).names, p.parent, [])))] or lists
+    made = [p for p in there if not p.stem.lower().endswith(ORIGINAL)] or there
+    if len(made) > 1:
+        raise InputError(
+            f"{path} has {len(made)} .lp files ({', '.join(str(p.relative_to(path)) for p in made)}) but one is "
+            "needed; name the file itself."
+        )
+    return made[0]

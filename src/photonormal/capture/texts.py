@@ -13,16 +13,26 @@ import numpy as np
 from photonormal.files.opening import TEXT, read_bytes
 from photonormal.types import InputError
 
+_MINUS = str.maketrans("\u2212\u2013\uff0d", "---")  # what word processors make of a hyphen
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
 def read_lines(path: Path) -> list[str]:
     """Stripped lines that are not empty."""
     data = read_bytes(path, "a text file", TEXT)
-    wide = data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     # names in it that aren't UTF-8 stay the bytes that they are on disk
-    text = data.decode("utf-16", "replace") if wide else data.decode("utf-8-sig", "surrogateescape")
+    wide = _utf_16(data)
+    text = data.decode(wide, "replace") if wide else data.decode("utf-8-sig", "surrogateescape")
+    text = text.rstrip("\x1a\0 \r\n")  # DOS ended files by control-Z
     return [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
+
+
+def _utf_16(data: bytes) -> str:
+    """The UTF-16 that a text is in, by its mark or by zeros in every other byte; empty where it isn't."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    even, odd = (data[k::2].count(0) / max(len(data) // 2, 1) for k in (0, 1))
+    return "" if abs(even - odd) < 0.5 else "utf-16-le" if odd > even else "utf-16-be"
 
 
 def spellings(name: str) -> list[str]:
@@ -40,6 +50,7 @@ def beside(folder: Path, name: str) -> Path:
 
 def number(token: str) -> float:
     """A number with a decimal point or a decimal comma; ValueError otherwise."""
+    token = token.translate(_MINUS)
     return float(token.replace(",", ".") if _DECIMAL_COMMA.fullmatch(token) else token)
 
 
@@ -80,27 +91,17 @@ def read_named(lines: Sequence[str], path: Path, first: int = 1) -> tuple[list[s
     return names, np.array(directions).reshape(-1, 3)
 
 
-def read_directions(path: Path) -> np.ndarray:
-    """Light directions (n, 3) from a table of n rows, or of 3 rows and n columns."""
+def read_intensities(path: Path, *counts: int) -> np.ndarray:
+    """Light intensities (n, 1) or (n, 3), positive; n is the first of the `counts` that the table can have."""
     table = read_table(path)
-    if table.shape[1] == 3:
-        return table
-    if table.shape[0] == 3:
-        return table.T
-    raise InputError(f"{path} is a table of {table.shape} but (n, 3) or (3, n) directions are needed; correct it.")
-
-
-def read_intensities(path: Path, n: int) -> np.ndarray:
-    """Light intensities (n, 1) or (n, 3), positive."""
-    table = read_table(path)
-    if table.shape[0] != n and table.shape[1] == n:
-        table = table.T
-    if table.shape not in ((n, 1), (n, 3)):
-        raise InputError(
-            f"{path} is a table of {table.shape} but ({n}, 1) or ({n}, 3) intensities are needed, one row for each "
-            "picture; correct it."
-        )
-    return positive(table, path)
+    for n in counts:
+        for rows in (table, table.T):
+            if rows.shape in ((n, 1), (n, 3)):
+                return positive(rows, path)
+    raise InputError(
+        f"{path} is a table of {table.shape} but ({counts[0]}, 1) or ({counts[0]}, 3) intensities are needed, one row "
+        "for each picture; correct it."
+    )
 
 
 def positive(table: np.ndarray, path: Path) -> np.ndarray:

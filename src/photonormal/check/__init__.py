@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from photonormal.check.finding import Finding
+
 if TYPE_CHECKING:
-    from photonormal.check.finding import Finding
     from photonormal.types import Capture
 
 
 def check(capture: Capture) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 
-    Saturation, darkness, bits and encoding, coverage by the lights, lamps' positions, lights in another order or frame,
-    intensities, ambient light and motion. Tests that need light directions are left out where they are unknown. Where
-    lamps are near, pictures are first made what distant ones would give, for a plane at the object's mean depth.
+    What was assumed on reading, saturation, darkness, bits and encoding, coverage by the lights, lamps' positions,
+    lights in another order or frame, intensities, ambient light and motion. Tests that need light directions are left
+    out where they are unknown. Where lamps are near, pictures are first made what distant ones would give, for a plane
+    at the object's mean depth.
     """
     from photonormal.check import coverage, explanations, exposure, lights, motion, positions, samples
     from photonormal.check.given import Distant, Near
 
     s, names = samples.read(capture), list(capture.image_names)
-    found = [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
+    found = [Finding("reading", False, note) for note in capture.notes]
+    found += [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
     if capture.lights is not None and (s.I > 0).any():
         found += coverage.coverage(capture.lights)
         I, mask = samples.on_object(s)

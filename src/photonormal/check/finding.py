@@ -14,8 +14,8 @@ class Finding:
 
     Parameters
     ----------
-    kind : saturation, darkness, bits, encoding, coverage, positions, order, frame, intensities, motion, ambient,
-        near, halfway, contrast or mask
+    kind : reading, saturation, darkness, bits, encoding, coverage, positions, order, frame, intensities, motion,
+        ambient, near, halfway, contrast or mask
     grave : it spoils the normals; otherwise it limits how good they can get
     message : what was found and what to do, one line
     numbers : the figures behind it

@@ -6,12 +6,12 @@ import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from tyro.conf import Positional
 
-from photonormal.options import Device, Positive, Precision
+from photonormal.options import Count, Device, Positive, Precision
 from photonormal.solve import DEFAULT, METHODS, method_class, parse
 from photonormal.types import InputError, printable
 
@@ -25,7 +25,21 @@ class Photographs:
     format: str = "auto"
     """Layout of the capture, when its content does not tell: diligent, rti, folder, ..."""
     lights: Path | None = None
-    """File with light directions, instead of the capture's own."""
+    """File with light directions, instead of the capture's own: .lp, .csv, .txt, .npy, .mat, .dome, .relight, .json."""
+    lights_as: Literal["", "directions", "angles", "azimuth-elevation"] = ""
+    """What its numbers are: directions x, y, z, or angles in degrees: slant and tilt, or azimuth and elevation."""
+    ring: Count | None = None
+    """Lamps at equal steps around the object, in the photographs' order, instead of a file; with --elevation."""
+    elevation: float | None = None
+    """How many degrees the lamps of --ring stand over the plane of the picture: 90 is at the camera."""
+    start: float = 0.0
+    """Where the first lamp of --ring is, in degrees: 0 at the right of the picture, 90 at its top."""
+    clockwise: bool = False
+    """The lamps of --ring go round clockwise in the picture, rather than counter-clockwise."""
+    rgb_lights: bool = False
+    """Each photograph shows three lights at a time: one in red, one in green and one in blue."""
+    prefer: Literal["", "raw", "jpeg", "tiff", "png", "exr"] = ""
+    """Which file to take where each photograph is there in two kinds: raw, jpeg, tiff, png or exr."""
     mask: Path | None = None
     """Mask picture, white on the object, instead of the capture's own."""
     srgb: bool = False

@@ -35,7 +35,7 @@ FAULT = re.compile(r"error|corrupt|premature|truncat|exception|unexpected|invali
 HARMLESS = re.compile(r"libpng warning|extraneous bytes before marker 0xd9|: Warning, ")  # and the picture is whole
 
 
-def decode(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
+def decode(path: Path, frame: tuple[int, int] | None = None, page: int | None = None) -> np.ndarray:
     """The samples of a picture as the file stores them: (h, w, 1 or 3), RGB; uint8, uint16 or float32.
 
     Alpha is left out. A camera's note of how it was held (Exif orientation) is ignored: lights are given in the
@@ -44,6 +44,7 @@ def decode(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
     Parameters
     ----------
     frame : (h, w) that the picture must have, by its header: nothing is decoded otherwise. None: any
+    page : which page of a TIFF stack, 0-based; None: the file must have one
 
     Raises
     ------
@@ -51,17 +52,18 @@ def decode(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
         If the file is missing, truncated, not a picture, of another size, larger than the memory allows, or holds
         another kind of number; where its decoder calls it corrupt.
     """
-    samples = decode_all(path, frame)
+    samples = decode_all(path, frame, page)
     return samples[..., : 1 if samples.shape[2] <= 2 else 3]
 
 
-def decode_all(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
+def decode_all(path: Path, frame: tuple[int, int] | None = None, page: int | None = None) -> np.ndarray:
     """As `decode`, with alpha where the file has it: (h, w, 1 to 4)."""
     kind = _kind(path)
+    which = {} if page is None else {"page": page}
     with _refusals(path), open_file(path) as file:
-        header = _header(kind, file, path)
+        header = _header(kind, file, path, which)
         _same_frame(header, frame, path)
-        result, printed = heard(lambda: kind.read(_at_its_start(file), path))
+        result, printed = heard(lambda: kind.read(_at_its_start(file), path, **which))
         word = _word(printed)
         if word:
             raise damaged(path, word)
@@ -70,13 +72,23 @@ def decode_all(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
         return _checked(result, path)
 
 
-def frame_of(path: Path, frame: tuple[int, int] | None = None) -> tuple[int, int]:
+def frame_of(path: Path, frame: tuple[int, int] | None = None, page: int | None = None) -> tuple[int, int]:
     """Height and width of a picture by its header, which must be `frame` where given; InputError as for `decode`."""
     kind = _kind(path)
     with _refusals(path), open_file(path) as file:
-        header = _header(kind, file, path)
+        header = _header(kind, file, path, {} if page is None else {"page": page})
     _same_frame(header, frame, path)
     return header.height, header.width
+
+
+def pages_of(path: Path) -> int:
+    """How many pictures a file holds: pages of a TIFF stack, 1 of any other kind."""
+    kind = _kind(path)
+    if not hasattr(kind, "pages"):
+        return 1
+    with _refusals(path), open_file(path) as file:
+        memory.check(size_of(file), f"picture {path}")
+        return kind.pages(file, path)
 
 
 def _same_frame(header: Header, frame: tuple[int, int] | None, path: Path) -> None:
@@ -102,11 +114,11 @@ def _kind(path: Path) -> Any:
     return import_module(module)
 
 
-def _header(kind: Any, file: BinaryIO, path: Path) -> Header:
+def _header(kind: Any, file: BinaryIO, path: Path, which: dict[str, int]) -> Header:
     """What a file claims to hold, which the memory allows and the file can hold."""
     size = size_of(file)
     memory.check(size, f"picture {path}")
-    header = kind.header(file, path)
+    header = kind.header(file, path, **which)
     memory.check(header.nbytes, f"picture {path}, {header.height} x {header.width} pixels,")
     if header.nbytes > max(DENSEST * size, SMALL):
         raise damaged(path, f"claims {header.nbytes} bytes of samples in {size}")

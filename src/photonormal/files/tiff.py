@@ -28,38 +28,44 @@ DENSEST = {"LZMA": 10_000}  # bytes that one byte may unpack to; 1032 for the ot
 logging.getLogger("tifffile").addHandler(logging.NullHandler())  # what it has to say arrives as an InputError
 
 
-def header(file: BinaryIO, path: Path) -> Header:
-    """Size of the only page."""
+def pages(file: BinaryIO, path: Path) -> int:
+    """How many pictures it holds, smaller copies not counted."""
     with _opened(file, path) as tiff:
-        page = _page(tiff, path)
+        return len(_pages(tiff))
+
+
+def header(file: BinaryIO, path: Path, page: int | None = None) -> Header:
+    """Size of a page, or of the only one."""
+    with _opened(file, path) as tiff:
+        it = _page(tiff, path, page)
         # (a tile is decoded as a whole, however little of it lies in the picture)
-        sizes = [prod(page.chunks) * page.dtype.itemsize, page.nbytes] if page.dtype else [page.nbytes]
-        return Header(page.imagelength, page.imagewidth, max(sizes))
+        sizes = [prod(it.chunks) * it.dtype.itemsize, it.nbytes] if it.dtype else [it.nbytes]
+        return Header(it.imagelength, it.imagewidth, max(sizes))
 
 
-def read(file: BinaryIO, path: Path) -> np.ndarray:
-    """Samples (h, w) or (h, w, c)."""
+def read(file: BinaryIO, path: Path, page: int | None = None) -> np.ndarray:
+    """Samples (h, w) or (h, w, c) of a page, or of the only one."""
     with _opened(file, path) as tiff:
-        page = _page(tiff, path)
-        size, parts = size_of(file), list(zip(page.dataoffsets, page.databytecounts, strict=False))
-        if len(parts) != prod(page.chunked) or any(n == 0 or start + n > size for start, n in parts):
+        it = _page(tiff, path, page)
+        size, parts = size_of(file), list(zip(it.dataoffsets, it.databytecounts, strict=False))
+        if len(parts) != prod(it.chunked) or any(n == 0 or start + n > size for start, n in parts):
             raise damaged(path, f"is truncated or damaged ({size} bytes)")  # tifffile would put zeros there
-        compression = _name(page.compression)
-        _check_parts(file, parts, compression, prod(page.chunks) * page.dtype.itemsize, path)
+        compression = _name(it.compression)
+        _check_parts(file, parts, compression, prod(it.chunks) * it.dtype.itemsize, path)
         try:
-            picture = page.asarray()
+            picture = it.asarray()
         except (ValueError, ImportError) as error:  # a compression that tifffile leaves to another package
             if isinstance(error, ValueError) and "imagecodecs" not in str(error):
                 raise
-            if compression not in ("LZW", "JPEG", "DEFLATE", "ADOBE_DEFLATE"):
+            if compression not in ("LZW", "JPEG", "DEFLATE", "ADOBE_DEFLATE") or len(_pages(tiff)) > 1:
                 raise InputError(
                     f"picture {path} can't be decoded ({error}); pip install imagecodecs or export it uncompressed."
                 ) from None
             file.seek(0)
             return opencv(file.read(size), path)
-    if _name(page.photometric) == "MINISWHITE" and picture.dtype.kind in "ub":
+    if _name(it.photometric) == "MINISWHITE" and picture.dtype.kind in "ub":
         picture = ~picture
-    return np.moveaxis(picture, 0, -1) if page.axes == "SYX" else picture
+    return np.moveaxis(picture, 0, -1) if it.axes == "SYX" else picture
 
 
 def _opened(file: BinaryIO, path: Path) -> Any:
@@ -70,11 +76,17 @@ def _opened(file: BinaryIO, path: Path) -> Any:
     return tifffile.TiffFile(file, name=path.name)
 
 
-def _page(tiff: Any, path: Path) -> Any:
-    pages: list[Any] = [p for p in tiff.pages if not getattr(p, "is_reduced", False)]
-    if len(pages) != 1:
-        raise InputError(f"picture {path} holds {len(pages)} pages but one is needed; export each as its own file.")
-    page = pages[0]
+def _pages(tiff: Any) -> list[Any]:
+    return [p for p in tiff.pages if not getattr(p, "is_reduced", False)]
+
+
+def _page(tiff: Any, path: Path, number: int | None) -> Any:
+    found = _pages(tiff)
+    if number is None and len(found) != 1:
+        raise InputError(f"picture {path} holds {len(found)} pages but one is needed; export each as its own file.")
+    if number is not None and number >= len(found):
+        raise InputError(f"picture {path} holds {len(found)} pages but page {number + 1} is needed; export it again.")
+    page = found[number or 0]
     photometric = _name(page.photometric)
     # JPEG's YCBCR becomes RGB by decoding
     samples = ("MINISWHITE", "MINISBLACK", "RGB", *(["YCBCR"] if _name(page.compression) == "JPEG" else []))

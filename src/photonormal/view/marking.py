@@ -16,8 +16,8 @@ from photonormal.calibrate.mask import mask_from_shading
 from photonormal.calibrate.sphere import Sphere, look_at_spheres
 from photonormal.calibrate.survey import Photograph
 from photonormal.capture import load
-from photonormal.capture.assemble import find_mask
 from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.capture.pictures import find_mask
 from photonormal.disk import at_once
 from photonormal.export.mesh import display
 from photonormal.options import Coordinate, Positive, Whole

@@ -1,0 +1,183 @@
+"""Which files of a folder are photographs under one light each, and which of them are used."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from photonormal.capture.images import Picture, Plane, name_of, parts
+from photonormal.capture.lights.match import stem
+from photonormal.files.decode import RAW, SUFFIXES, pages_of
+from photonormal.types import InputError
+
+NO_PHOTOGRAPH = re.compile(  # how files are called that lie beside photographs: masks, normal maps, thumbnails, results
+    r"(^|[._-])(mask|matte|normals?(_?map)?|normals?_gt|gt_normals?|inboundary|onboundary|spheres|refused|preview|thumb(nail)?s?"
+    r"|albedo|expected-error)$|^(error|lights?|light_directions|light_intensities|corrected|depth)$",
+    re.IGNORECASE,
+)
+PREFER = {"raw": RAW, "jpeg": {".jpg", ".jpeg"}, "tiff": {".tif", ".tiff"}, "png": {".png"}, "exr": {".exr"}}
+UNREAD = {  # pictures of kinds that are not read
+    *(".heic", ".heif", ".webp", ".gif", ".psd", ".xcf", ".jp2", ".jxl", ".avif", ".pdf", ".svg"),
+    *(".mov", ".mp4", ".avi", ".rti", ".ptm", ".hdr", ".pfm", ".pgm", ".ppm"),
+}
+
+
+def find_pictures(folder: Path, without: Iterable[Path | None] = (), prefer: str = "") -> list[Path]:
+    """Photographs of a folder in natural order.
+
+    Parameters
+    ----------
+    without : files that are none, such as a dark frame
+    prefer : which kind of file to take, a key of PREFER, where pictures are there in two kinds
+
+    Raises
+    ------
+    InputError
+        If pictures are there twice, as RAW and JPEG of one shot, and `prefer` does not say which to take.
+    """
+    if prefer and prefer not in PREFER:
+        raise InputError(f"--prefer {prefer[:40]!r} came but one of {', '.join(PREFER)} is needed; correct it.")
+    others = {os.path.realpath(p) for p in without if p is not None}
+    found = [p for p in picture_files(folder) if not NO_PHOTOGRAPH.search(p.stem) and os.path.realpath(p) not in others]
+    return _of_one_kind(sorted(found, key=natural), folder, prefer)
+
+
+def _of_one_kind(pictures: list[Path], folder: Path, prefer: str) -> list[Path]:
+    """The pictures, one file of each shot."""
+    shots: dict[str, list[Path]] = {}
+    for path in pictures:
+        shots.setdefault(path.stem.casefold(), []).append(path)
+    kept = []
+    for files in shots.values():
+        chosen = [p for p in files if p.suffix.lower() in PREFER.get(prefer, ())] if len(files) > 1 else files
+        if len(chosen) != 1:
+            kinds = [kind for kind, suffixes in PREFER.items() if any(p.suffix.lower() in suffixes for p in files)]
+            twice = sum(len(f) > 1 for f in shots.values())
+            raise InputError(
+                f"{folder} holds {twice} pictures twice, such as {' and '.join(p.name for p in files)}, but one file "
+                f"of each is needed; choose with {' or '.join(f'--prefer {k}' for k in kinds)}, or move the others "
+                "elsewhere."
+            )
+        kept += chosen
+    return kept
+
+
+def pages(pictures: Sequence[Path]) -> list[Picture]:
+    """The pictures, each page of a TIFF stack as one."""
+    found: list[Picture] = []
+    for path in pictures:
+        n = pages_of(path) if path.suffix.lower() in PREFER["tiff"] and os.path.isfile(path) else 1
+        found += [path] if n == 1 else [Plane(path, page) for page in range(n)]
+    return found
+
+
+def no_pictures(folder: Path) -> InputError:
+    """What to say of a folder in which none was found: folders in it that hold some, or files that are not read."""
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    below = [p.name for p in inside if p.is_dir() and os.access(p, os.R_OK | os.X_OK) and any(picture_files(p))]
+    unread = [p.name for p in inside if p.suffix.lower() in UNREAD]
+    if below:
+        some = ", ".join(below[:8]) + (f" and {len(below) - 8} more" if len(below) > 8 else "")
+        return InputError(
+            f"{folder} holds no pictures, but folders in it do: {some}; give one of them, such as {folder / below[0]}."
+        )
+    if unread:
+        return InputError(
+            f"{folder} holds no pictures that can be read, but {len(unread)} such as {unread[0]}; convert them to PNG "
+            "or TIFF."
+        )
+    return InputError(f"{folder} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, TGA, NPY or RAW files.")
+
+
+def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: str) -> InputError:
+    """What to say where a capture has more or fewer pictures than a source has lights: which pictures look odd."""
+    n, names = len(pictures), [name_of(p) for p in pictures]
+    odd = _named_unlike_the_others(names)
+    stacks = sorted({p.path.name for p in pictures if isinstance(p, Plane) and p.page is not None})
+    if odd:
+        some = ", ".join(odd[:5]) + (f" and {len(odd) - 5} more" if len(odd) > 5 else "")
+        hint = (
+            f"{some} {'is' if len(odd) == 1 else 'are'} named unlike the others: name such pictures with --dark, "
+            "--flat or --mask, move them elsewhere, or leave them out with --images"
+        )
+    elif 3 * n == count:
+        hint = "if each photograph shows three lights, one in red, one in green and one in blue, add --rgb-lights"
+    else:
+        hint = (
+            f"they are {names[0]} to {names[-1]}{f', pages of {stacks[0]}' if stacks else ''}; choose those that "
+            "belong to it with --images, or give lights for all of them with --lights"
+        )
+    return InputError(f"{name} has {n} pictures but {count} light directions{source}; {hint}.")
+
+
+def _named_unlike_the_others(names: Sequence[str]) -> list[str]:
+    """Names that differ from most by more than a number."""
+    patterns = [re.sub(r"[0-9]+", "0", stem(name).casefold()) for name in names]
+    usual, count = Counter(patterns).most_common(1)[0]
+    return [n for n, p in zip(names, patterns, strict=True) if p != usual] if 2 * count > len(names) else []
+
+
+def refuse_repeated(pictures: Sequence[Picture]) -> None:
+    """Raise where two pictures are one file, or one part of it: a photograph has one light."""
+    seen: dict[tuple, Path] = {}
+    for picture, path in ((p, path) for p in pictures for path in parts(p)):
+        status = os.stat(path)
+        part = (picture.page, picture.channel) if isinstance(picture, Plane) else ()
+        first = seen.setdefault((status.st_dev, status.st_ino, *part), path)
+        if first is not path:
+            raise InputError(
+                f"{first.name} is named {'twice' if first == path else f'again as {path.name}'} but a photograph has "
+                "one light; correct the list that names it or choose others with --images."
+            )
+
+
+def parse_images(text: str, n: int, option: str = "--images") -> list[int]:
+    """Zero-based indices from 1-based numbers and ranges, as `option` gives them.
+
+    >>> parse_images("1-3,5", 6)
+    [0, 1, 2, 4]
+    """
+    if not text.strip():
+        return list(range(n))
+    chosen: list[int] = []
+    for part in text.split(","):
+        match = re.fullmatch(r"\s*([0-9]{1,9})\s*(?:-\s*([0-9]{1,9})\s*)?", part)
+        if match is None:
+            raise InputError(
+                f"{option} {text[:60]!r} has {part[:20]!r} but numbers and ranges like 1-10,15 are needed; correct it."
+            )
+        first, last = int(match[1]), int(match[2] or match[1])
+        if not 1 <= first <= last <= n:
+            raise InputError(
+                f"{option} {text[:60]!r} asks for {part.strip()} but this capture has 1 to {n}; choose from those."
+            )
+        chosen += range(first - 1, last)
+    if len(set(chosen)) != len(chosen):
+        raise InputError(f"{option} {text[:60]!r} names a picture twice; name each once.")
+    return chosen
+
+
+def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
+    """Sorting key that puts image 10 after image 9."""
+    tokens = [t for t in re.split(r"([0-9]+)", path.name.lower()) if t]
+    return [(int(t), "") if t[0] in "0123456789" else (-1, t) for t in tokens], path.name
+
+
+def find_mask(folder: Path) -> Path | None:
+    """The folder's mask picture: `mask.*`, or a name that ends in `.mask` or `_mask`."""
+    masks = [p for p in picture_files(folder) if re.search(r"(^|[._-])mask$", p.stem, re.IGNORECASE)]
+    if len(masks) > 1:
+        raise InputError(
+            f"{folder} has {len(masks)} masks ({', '.join(p.name for p in masks)}); choose one with --mask."
+        )
+    return masks[0] if masks else None
+
+
+def picture_files(folder: Path) -> list[Path]:
+    """Every file of a folder that is a picture, whatever it shows."""
+    return [
+        p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and not p.is_dir()
+    ]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from photonormal.bench.published import Published
-from photonormal.bench.tables import HIGHER, SOUND, Cell, Row, Table
+from photonormal.bench.tables import AVERAGE, MEAN, Cell, Column, Row, Table
 
 NAMES = {"mean_deg": "mean, deg", "below_15": "< 15 deg, %", "below_30": "< 30 deg, %"}
 
@@ -69,28 +69,28 @@ def _written(table: Table, m: Marks) -> str:
     return "\n".join(parts)
 
 
-def heading(table: Table, column: str) -> str:
+def heading(table: Table, column: Column) -> str:
     """What stands above a column; an average says over how many objects."""
-    counts = {"average": f"average of {table.over}", "mean_deg": f"mean of {table.over}, deg"}
-    return counts.get(column) or NAMES.get(column, column)
+    counts = {AVERAGE: f"average of {table.over}", MEAN: f"mean of {table.over}, deg"}
+    return counts.get(column) or NAMES.get(column.name, column.name)
 
 
 def published_rows(table: Table) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of methods that are only published: their average over our objects, and over all as printed."""
-    columns = [c for c in table.columns if not c.startswith(SOUND)]
-    head = ["method", *(NAMES.get(c) or heading(table, c) for c in columns)]
+    columns = [c for c in table.columns if c.kind != "sound average"]
+    head = ["method", *(NAMES.get(c.name) or heading(table, c) for c in columns)]
     rows = []
     for p in table.only_published:
-        values = [p.value(c, table.measured) for c in columns]
-        if "average" in columns:
-            values.append(p.values.get("average"))
+        values = [p.value(c.name, table.measured) for c in columns]
+        if AVERAGE in columns:
+            values.append(p.values.get(AVERAGE.name))
         rows.append([p.name, *("" if v is None else f"{v:.2f}" for v in values)])
-    return [*head, *(["average as printed"] if "average" in columns else [])], rows
+    return [*head, *(["average as printed"] if AVERAGE in columns else [])], rows
 
 
-def shortfall(row: Row, table: Table, column: str) -> str:
+def shortfall(row: Row, table: Table, column: Column) -> str:
     """What stands behind a row's average that is over fewer objects or draws than others: " (of 3, 20 draws)"."""
-    if column not in ("average", "mean_deg"):
+    if column not in (AVERAGE, MEAN):
         return ""
     parts = [f"of {row.over}"] * (row.over != table.over) + [f"{row.draws} draws"] * (row.draws != table.draws)
     return f" ({', '.join(parts)})" if parts else ""
@@ -123,7 +123,7 @@ def notes(table: Table) -> list[str]:
 def _cells(row: Row, table: Table, m: Marks) -> list[str]:
     found = [m.text(row.label)]
     for column in table.columns:
-        cell = row.cells.get(column)
+        cell = row.cells.get(column.name)
         if cell is None:
             found.append("")
             continue
@@ -149,8 +149,8 @@ def _plain(table: Table) -> dict:
         "images": table.images or None,
         "draws": table.draws,
         "photonormal": list(table.versions),
-        "columns": list(table.columns),
-        "higher_is_better": [c for c in table.columns if c in HIGHER],
+        "columns": [c.name for c in table.columns],
+        "higher_is_better": [c.name for c in table.columns if c.higher],
         "rows": [
             {
                 "method": r.label,

@@ -6,6 +6,7 @@ import statistics
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from photonormal.bench.benchmarks import DILIGENT
 from photonormal.bench.published import Published, of_method, others
@@ -16,10 +17,34 @@ from photonormal.solve import METHODS
 from photonormal.types import InputError
 
 WIDE = 12  # objects above which a table shows means over them instead of one column each
-MEANS = ("mean_deg", "below_15", "below_30")  # columns of such a table, as the paper's Table 1
-SOUND = "average with "  # and the columns of objects without their faulty pictures
-HIGHER = ("below_15", "below_30")  # columns where more is better
 PROTOCOLS = {"all": 0, "psfcn": 1, "draws": 2}  # order of tables
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column holds.
+
+    Parameters
+    ----------
+    name : under which rows have their cells
+    kind : "object"; "sound", an object without its faulty pictures; "average" over the objects; "sound average", the
+        same with sound ones in their places; "mean" over the objects, of a table without a column for each
+    higher : more is better
+    """
+
+    name: str
+    kind: Literal["object", "sound", "average", "sound average", "mean"]
+    higher: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether it sums up all objects."""
+        return self.kind in ("average", "sound average", "mean")
+
+
+AVERAGE = Column("average", "average")
+MEAN = Column("mean_deg", "mean")
+MEANS = (MEAN, Column("below_15", "mean", higher=True), Column("below_30", "mean", higher=True))  # the paper's Table 1
 
 
 @dataclass(frozen=True)
@@ -74,7 +99,7 @@ class Table:
     protocol: str
     images: int
     versions: tuple[str, ...]
-    columns: tuple[str, ...]
+    columns: tuple[Column, ...]
     rows: tuple[Row, ...]
     only_published: tuple[Published, ...] = field(default=())
 
@@ -98,24 +123,23 @@ class Table:
         """Draws of the row that has most."""
         return max((row.draws for row in self.rows), default=0)
 
-    def rank(self, column: str) -> dict[str, int]:
+    def rank(self, column: Column) -> dict[str, int]:
         """label -> 1 for the best rows of a column and 2 for the second best, as printed with two places."""
-        rows = [r for r in self.rows if column in r.cells and (column in self.objects or r.over == self.over)]
-        values = {r.label: round(r.cells[column].value, 2) for r in rows}
-        steps = sorted(set(values.values()), reverse=column in HIGHER)[:2]
+        rows = [r for r in self.rows if column.name in r.cells and (not column.whole or r.over == self.over)]
+        values = {r.label: round(r.cells[column.name].value, 2) for r in rows}
+        steps = sorted(set(values.values()), reverse=column.higher)[:2]
         return {label: steps.index(v) + 1 for label, v in values.items() if v in steps} if len(values) > 1 else {}
 
     @property
     def measured(self) -> list[str]:
         """Objects in the average of the row that has most."""
-        sound = [o for c in self.columns if c.startswith(SOUND) for o in c.removeprefix(SOUND).split(", ")]
         row = next((r for r in self.rows if r.over == self.over), None)
-        return [o for o in self.objects if row and o in row.cells and o not in sound]
+        return [c.name for c in self.columns if c.kind == "object" and row and c.name in row.cells]
 
     @property
-    def objects(self) -> tuple[str, ...]:
-        """Columns that are objects."""
-        return tuple(c for c in self.columns if not c.startswith("average") and c not in MEANS)
+    def summary(self) -> Column:
+        """The column that sums it up."""
+        return AVERAGE if AVERAGE in self.columns else MEAN
 
 
 def tables(
@@ -156,18 +180,22 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
     names = sorted({s.prediction.object for s in whole}, key=lambda n: natural(Path(n)))
     has_truth = any(s.score for s in group)
     if not has_truth:
-        columns: tuple[str, ...] = ()
+        columns: tuple[Column, ...] = ()
     elif len(names) > WIDE:
         columns = MEANS
     else:
         objects = names
         if dataset == "diligent" and set(names) & set(DILIGENT):  # absent ones are blank
             objects = list(DILIGENT) + [n for n in names if n not in DILIGENT]
+        sound: dict[str, list[Column]] = {}  # object -> its columns without faulty pictures
         for s in group:
-            if s.prediction.protocol == "sound" and _sound(s) not in objects:
-                objects.insert(objects.index(s.prediction.object) + 1, _sound(s))  # bear, then bear76
-        sound = list(dict.fromkeys(_sound(s) for s in group if s.prediction.protocol == "sound"))
-        columns = (*objects, "average", *([SOUND + ", ".join(sound)] if sound else []))
+            column = Column(_sound(s), "sound")
+            if s.prediction.protocol == "sound" and column not in sound.setdefault(s.prediction.object, []):
+                sound[s.prediction.object].append(column)  # bear, then bear76
+        columns = (*(c for o in objects for c in (Column(o, "object"), *sound.get(o, []))), AVERAGE)
+        if any(sound.values()):
+            names_of_sound = (c.name for found in sound.values() for c in found)
+            columns = (*columns, Column(f"average with {', '.join(names_of_sound)}", "sound average"))
     rows = []
     place = {method: i for i, method in enumerate(METHODS)}
     labels = {s.prediction.label for s in group}
@@ -188,7 +216,7 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
     )
 
 
-def _row(label: str, method: str, mine: list[Scored], columns: Sequence[str], sources: tuple[Published, ...]) -> Row:
+def _row(label: str, method: str, mine: list[Scored], columns: Sequence[Column], sources: tuple[Published, ...]) -> Row:
     errors: dict[str, dict[str, float]] = {}  # column -> selection -> mean error
     for s in mine:
         if s.score is not None:
@@ -197,17 +225,16 @@ def _row(label: str, method: str, mine: list[Scored], columns: Sequence[str], so
     instead = {s.prediction.object: _sound(s) for s in mine if s.prediction.protocol == "sound"}
     objects = [c for c in errors if c not in instead.values()]
     measured: dict[str, list[float]] = {}  # column -> a figure for each draw
-    if "average" in columns and objects:
+    if AVERAGE in columns and objects:
         measured = {column: list(found.values()) for column, found in errors.items()}
         common = set.intersection(*(set(errors[o]) for o in objects))  # draws that all objects have
         means = [statistics.fmean(errors[o][d] for o in objects) for d in sorted(common)]
-        measured["average"] = means or [statistics.fmean(statistics.fmean(errors[o].values()) for o in objects)]
+        measured[AVERAGE.name] = means or [statistics.fmean(statistics.fmean(errors[o].values()) for o in objects)]
         if instead:
-            measured[SOUND + ", ".join(instead.values())] = [
-                statistics.fmean(statistics.fmean(measured[instead.get(o, o)]) for o in objects)
-            ]
+            with_sound = statistics.fmean(statistics.fmean(measured[instead.get(o, o)]) for o in objects)
+            measured |= {c.name: [with_sound] for c in columns if c.kind == "sound average"}
     elif columns and objects:
-        measured = {c: [statistics.fmean(s.score[c] for s in mine if s.score is not None)] for c in columns}
+        measured = {c.name: [statistics.fmean(s.score[c.name] for s in mine if s.score is not None)] for c in columns}
     theirs = {c: next((p for p in sources if p.value(c, objects) is not None), None) for c in measured}
     cells = {}
     for column, values in measured.items():

@@ -24,7 +24,7 @@ def images(wish: Wish) -> Figure:
     for table in _tables(wish):
         if table.protocol in ("all", "draws") and table.images:
             for row in table.rows:
-                cell = row.cells.get(column(table))
+                cell = row.cells.get(table.summary.name)
                 if cell is not None:
                     points.setdefault(row.label, []).append((table.images, cell.value, cell.spread or 0.0, row.over))
     counts = sorted({k for line in points.values() for k, *_ in line})
@@ -60,10 +60,10 @@ def seconds(wish: Wish) -> Figure:
     table = next((t for t in _tables(wish) if t.protocol == "all" and t.columns), None)
     if table is None:
         raise InputError(f"{wish.runs} holds no errors from all images; run photonormal bench on a set with truth.")
-    rows = [r for r in table.rows if column(table) in r.cells and r.over == table.over]
+    rows = [r for r in table.rows if table.summary.name in r.cells and r.over == table.over]
     figure = Figure(figsize=(4.8, 3.4), layout="constrained")
     a = figure.subplots()
-    points = [(row.cost.solve_s, row.cells[column(table)].value) for row in rows]
+    points = [(row.cost.solve_s, row.cells[table.summary.name].value) for row in rows]
     for i, (x, y) in enumerate(points):
         a.plot([x], [y], **_look(i) | {"linestyle": "none", "markersize": MARK})
     a.set_xscale("log")
@@ -110,11 +110,6 @@ def name_points(figure: Figure, a: Any, points: list[tuple[float, float]], names
 
 def _area(box: Any) -> float:
     return 0.0 if box is None else box.width * box.height
-
-
-def column(table: Table) -> str:
-    """The column that sums a table up."""
-    return "average" if "average" in table.columns else "mean_deg"
 
 
 def summary(over: int) -> str:

@@ -43,7 +43,7 @@ def _section(table: Table) -> str:
 def _cells(row: Row, table: Table) -> list[str]:
     found = [_th(row.label)]
     for column in table.columns:
-        cell = row.cells.get(column)
+        cell = row.cells.get(column.name)
         if cell is None:
             found.append("<td></td>")
             continue

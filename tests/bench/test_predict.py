@@ -205,3 +205,13 @@ def test_objects_without_pictures_leave_no_trace_of_a_truth(tmp_path):
     (tmp_path / "root" / "ballPNG" / "001.png").write_bytes(b"broken")
     done = bench("diligent", tmp_path / "root", tmp_path / "runs", methods="woodham")
     assert len(done.failures) == 1 and not (tmp_path / "runs" / "truth").exists()
+
+
+def test_what_every_method_stores_is_read_again():
+    from photonormal.bench.store import Config
+    from photonormal.solve import METHODS, configure, options_of
+    from photonormal.stored import converted
+
+    for name in METHODS:
+        config = {"layout": 1, "photonormal": "0", "method": name, "options": options_of(configure(name))}
+        assert converted(config, Config, name, "")["options"] == config["options"]

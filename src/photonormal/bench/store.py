@@ -56,13 +56,17 @@ class Record(TypedDict):
     jobs: Count
 
 
+Option = bool | int | float | Word | None
+Options = dict[str, Option | list[Option] | dict[str, Any]]  # methods hold other methods
+
+
 class Config(TypedDict):
     """What the predictions of a folder depend on."""
 
     layout: int
     photonormal: Word
     method: Word
-    options: dict[str, bool | int | float | Word | None]
+    options: Options
     weights_sha256: NotRequired[Word | None]
     source_sha256: NotRequired[Word]
     precision: NotRequired[Precision]

@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 
-from photonormal.bench.tables import AVERAGE, MEANS, Cell, Column, Cost, Row, Table, tables
+from photonormal.bench.tables import AVERAGE, MEANS, Cell, Column, Cost, ErrorTable, Row, tables
 from photonormal.export import load_normals
 from photonormal.score import score
 
@@ -66,19 +66,19 @@ X = Column("x", "object")
 
 def test_the_best_is_bold_and_the_second_underlined_with_ties():
     rows = (row("a", x=1.001, average=1), row("b", x=0.999, average=1), row("c", x=2.0, average=9), row("d", x=3.0))
-    table = Table("d", "all", 96, ("0",), (X, AVERAGE), rows)
+    table = ErrorTable("d", "all", 96, ("0",), (X, AVERAGE), rows)
     assert table.rank(X) == {"a": 1, "b": 1, "c": 2}
 
 
 def test_an_average_over_fewer_objects_is_never_the_best():
     rows = (row("a", x=5.0, y=6.0, average=5.5), row("b", x=1.0, average=1.0), row("c", x=7.0, y=7.0, average=7.0))
-    table = Table("d", "all", 96, ("0",), (X, Column("y", "object"), AVERAGE), rows)
+    table = ErrorTable("d", "all", 96, ("0",), (X, Column("y", "object"), AVERAGE), rows)
     assert table.rank(AVERAGE) == {"a": 1, "c": 2}
 
 
 def test_more_is_better_for_shares():
     rows = (row("a", below_15=90.0), row("b", below_15=95.0))
-    assert Table("d", "all", 96, ("0",), MEANS, rows).rank(MEANS[1]) == {"b": 1, "a": 2}
+    assert ErrorTable("d", "all", 96, ("0",), MEANS, rows).rank(MEANS[1]) == {"b": 1, "a": 2}
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from photonormal.bench.published import Published
-from photonormal.bench.tables import AVERAGE, MEAN, Cell, Column, Row, Table
+from photonormal.bench.tables import AVERAGE, MEAN, Cell, Column, ErrorTable, Row
 
 NAMES = {"mean_deg": "mean, deg", "below_15": "< 15 deg, %", "below_30": "< 30 deg, %"}
 
@@ -26,22 +26,22 @@ class Marks:
     paragraph: Callable[[str], str]
 
 
-def markdown(tables: Sequence[Table]) -> str:
+def markdown(tables: Sequence[ErrorTable]) -> str:
     """For documents: best in bold, second underlined, published figures small."""
     return "\n".join(_written(t, MARKDOWN) for t in tables)
 
 
-def latex(tables: Sequence[Table]) -> str:
+def latex(tables: Sequence[ErrorTable]) -> str:
     """The same as tabulars, which need no package."""
     return "\n".join(_written(t, LATEX) for t in tables)
 
 
-def as_json(tables: Sequence[Table]) -> str:
+def as_json(tables: Sequence[ErrorTable]) -> str:
     """All figures unrounded enough to compute with; measured and published apart."""
     return json.dumps([_plain(t) for t in tables], indent=1, ensure_ascii=False) + "\n"
 
 
-def _written(table: Table, m: Marks) -> str:
+def _written(table: ErrorTable, m: Marks) -> str:
     parts = [m.title(table.title)]
     if table.columns:
         spread = " ± standard deviation over the draws" if table.protocol == "draws" else ""
@@ -69,13 +69,13 @@ def _written(table: Table, m: Marks) -> str:
     return "\n".join(parts)
 
 
-def heading(table: Table, column: Column) -> str:
+def heading(table: ErrorTable, column: Column) -> str:
     """What stands above a column; an average says over how many objects."""
     counts = {AVERAGE: f"average of {table.over}", MEAN: f"mean of {table.over}, deg"}
     return counts.get(column) or NAMES.get(column.name, column.name)
 
 
-def published_rows(table: Table) -> tuple[list[str], list[list[str]]]:
+def published_rows(table: ErrorTable) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of methods that are only published: their average over our objects, and over all as printed."""
     columns = [c for c in table.columns if c.kind != "sound average"]
     head = ["method", *(NAMES.get(c.name) or heading(table, c) for c in columns)]
@@ -88,7 +88,7 @@ def published_rows(table: Table) -> tuple[list[str], list[list[str]]]:
     return [*head, *(["average as printed"] if AVERAGE in columns else [])], rows
 
 
-def shortfall(row: Row, table: Table, column: Column) -> str:
+def shortfall(row: Row, table: ErrorTable, column: Column) -> str:
     """What stands behind a row's average that is over fewer objects or draws than others: " (of 3, 20 draws)"."""
     if column not in (AVERAGE, MEAN):
         return ""
@@ -104,7 +104,7 @@ def costs(row: Row) -> list[str]:
     return ["" if v is None else f"{v:.{p}f}" for v, p in zip(numbers, places, strict=True)] + [c.machine]
 
 
-def notes(table: Table) -> list[str]:
+def notes(table: ErrorTable) -> list[str]:
     """Where the published figures come from, what is known about them, and which version measured ours."""
     used = [(r.label, p) for r in table.rows for p in r.sources]
     places: dict[str, list[str]] = {}
@@ -120,7 +120,7 @@ def notes(table: Table) -> list[str]:
     return [*dict.fromkeys(found), f"Measured with photonormal {', '.join(table.versions)}."]
 
 
-def _cells(row: Row, table: Table, m: Marks) -> list[str]:
+def _cells(row: Row, table: ErrorTable, m: Marks) -> list[str]:
     found = [m.text(row.label)]
     for column in table.columns:
         cell = row.cells.get(column.name)
@@ -139,7 +139,7 @@ def beside(cell: Cell) -> str:
     return f"{cell.published:.2f}, {round(cell.difference or 0, 2) + 0.0:+.2f}"  # never -0.00
 
 
-def _plain(table: Table) -> dict:
+def _plain(table: ErrorTable) -> dict:
     def published(p: Published) -> dict:
         return {"name": p.name, "values": p.values, "source": f"{p.cite}, {p.where}", "remark": p.remark}
 

@@ -92,7 +92,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Table:
+class ErrorTable:
     """One dataset under one choice of images."""
 
     dataset: str
@@ -144,7 +144,7 @@ class Table:
 
 def tables(
     runs: str | Path, labels: Iterable[str] = (), datasets: Iterable[str] = (), published: bool = False
-) -> list[Table]:
+) -> list[ErrorTable]:
     """Every table that a folder of runs gives.
 
     Parameters
@@ -172,7 +172,7 @@ def tables(
     return found
 
 
-def _table(key: tuple[str, str, int], group: list[Scored], known: dict, published: bool) -> Table:
+def _table(key: tuple[str, str, int], group: list[Scored], known: dict, published: bool) -> ErrorTable:
     dataset, protocol, images = key
     whole = [s for s in group if s.prediction.protocol != "sound"]
     counts = {s.prediction.images for s in whole}
@@ -205,7 +205,7 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
         plain = config["options"] == _defaults(config["method"])
         sources = of_method(config["method"], dataset, images, protocol) if plain else ()
         rows.append(_row(label, config["method"], mine, columns, sources))
-    return Table(
+    return ErrorTable(
         dataset=dataset,
         protocol=protocol,
         images=images,

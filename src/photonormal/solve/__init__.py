@@ -23,7 +23,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "rpca": "photonormal.solve.classical.rpca:RPCA",
     "median": "photonormal.solve.classical.median:Median",
     "ransac": "photonormal.solve.classical.ransac:Ransac",
-    "table": "photonormal.solve.classical.table:Table",
+    "table": "photonormal.solve.classical.table:DiscreteTable",
     "ward": "photonormal.solve.classical.ward:Ward",
     "consensus": "photonormal.solve.classical.consensus:Consensus",
     "monotonic": "photonormal.solve.classical.monotonic:Monotonic",

@@ -7,7 +7,7 @@ from typing import Any
 from photonormal.bench.figures import Wish
 from photonormal.bench.figures.maps import dataset_of
 from photonormal.bench.figures.style import COLOURS, LINES, MARKERS, Figure
-from photonormal.bench.tables import Table, tables
+from photonormal.bench.tables import ErrorTable, tables
 from photonormal.types import InputError
 
 MARK = 6  # points, of a method's mark
@@ -117,7 +117,7 @@ def summary(over: int) -> str:
     return f"mean angular error over {over} object{'s' * (over > 1)}, degrees"
 
 
-def _tables(wish: Wish) -> list[Table]:
+def _tables(wish: Wish) -> list[ErrorTable]:
     return tables(wish.runs, wish.methods, [dataset_of(wish)])
 
 

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from html import escape
 
 from photonormal.bench.formats import beside, costs, heading, notes, published_rows, shortfall
-from photonormal.bench.tables import Row, Table
+from photonormal.bench.tables import ErrorTable, Row
 
 
-def tables_html(tables: Sequence[Table]) -> str:
+def tables_html(tables: Sequence[ErrorTable]) -> str:
     """One section for each table."""
     return "\n".join(_section(t) for t in tables)
 
 
-def _section(table: Table) -> str:
+def _section(table: ErrorTable) -> str:
     parts = [f"<section><h2>{escape(table.title)}</h2>"]
     if table.columns:
         small = " Small: as published, and ours less theirs." if any(r.sources for r in table.rows) else ""
@@ -40,7 +40,7 @@ def _section(table: Table) -> str:
     return "\n".join(parts)
 
 
-def _cells(row: Row, table: Table) -> list[str]:
+def _cells(row: Row, table: ErrorTable) -> list[str]:
     found = [_th(row.label)]
     for column in table.columns:
         cell = row.cells.get(column.name)

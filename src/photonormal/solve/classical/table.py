@@ -18,7 +18,7 @@ from photonormal.solve.contract import Needs, Observations, Solution
 
 
 @dataclass(frozen=True)
-class Table:
+class DiscreteTable:
     """I = a_p B(theta_h, theta_d) n.l with one table B for the object and an albedo a_p and a normal for each pixel.
 
     B is read off the samples of some pixels, then all normals are refined under it, in turn. Objects of several very

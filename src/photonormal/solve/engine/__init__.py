@@ -22,9 +22,9 @@ def run(method: Method, capture: Capture, device: torch.device) -> Solution:
     """
     check(method, capture)
     if capture.lamps is not None:
-        from photonormal.solve.engine.near import Near
+        from photonormal.solve.engine.near import UnderLamps
 
-        return Near(lambda c: under_distant_lights(method, c, device))(capture)
+        return UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)
     return under_distant_lights(method, capture, device)
 
 

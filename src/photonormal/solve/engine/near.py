@@ -18,7 +18,7 @@ from photonormal.types import Camera, Capture, Image, Images, InputError, Lamps,
 
 
 @dataclass(frozen=True)
-class Near:
+class UnderLamps:
     """A method under near lamps, as exact as it is under distant ones where the integration recovers the surface.
 
     Where the surface lies tells how much light each lamp sends to each pixel, by which samples are divided, and from

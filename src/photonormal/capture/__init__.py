@@ -48,7 +48,8 @@ def load(
     mask : mask picture, instead of the capture's own
     srgb : the pictures are sRGB-encoded (camera JPEGs are) and have to be linearised
     intensities : file with light intensities, instead of the capture's own
-    dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by
+    dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by; `flat`
+        may be a folder with one of a white board for each light, which fall-off and intensity are taken from
     lens : calibration that OpenCV wrote, whose distortion is taken out
     memory : how much this process may use from now on, such as "3GB"; empty: as before, half of what is free at first.
         An eighth of it bounds what one file may take when it is decoded

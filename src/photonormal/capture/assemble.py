@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.corrections import Corrected, flat_field, hot_pixels, read_frame
+from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.exif import declared_srgb, exposures
 from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, read_mask, size_of
 from photonormal.capture.lens import Lens, read_lens
@@ -18,10 +18,10 @@ from photonormal.capture.lights.match import in_order_of
 from photonormal.capture.lights.near import placed
 from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
-from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated
+from photonormal.capture.pictures import counts_differ, find_pictures, pages, parse_images, refuse_repeated
 from photonormal.capture.texts import read_intensities
 from photonormal.geometry import in_frame
-from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of
+from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of, unit_lights
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class Choice:
     linear : they are not, though 8-bit pictures say so in their Exif data, which is believed otherwise
     intensities : file with light intensities (n, 1 or 3), instead of the folder's own
     exif_exposure : divide by the exposures that the pictures tell in their Exif data
-    dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by
+    dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by; `flat`
+        may be a folder with one of a white board for each light, which fall-off and intensity are taken from
     hot_pixels : replace pixels that stand out of their surroundings in `dark`, or in every picture
     lens : calibration that OpenCV wrote, whose distortion is taken out
     frame : frame of the light directions, a key of photonormal.geometry.FRAMES
@@ -122,6 +123,20 @@ def assemble(
     e = _intensities(choice.intensities or intensities, [len(used), len(with_light), len(every)], order, chosen)
     if choice.exif_exposure:
         e = e * exposures([parts(p)[0] for p in used])
+    boards = None
+    if choice.flat is not None and choice.flat.is_dir():
+        if choice.rgb_lights:
+            raise InputError(
+                f"--flat {choice.flat} is a folder but --rgb-lights takes one flat field; give one picture."
+            )
+        if lamps is not None or choice.mm_per_px is not None:
+            raise InputError(
+                f"--flat {choice.flat} tells how light falls off, and so do the lamps' places; "
+                "leave --flat or --mm-per-px out."
+            )
+        found = white_boards(choice.flat, [name_of(p) for p in with_light])
+        boards = [found[j] for j in chosen]
+        e = np.ones((len(used), 1))  # they have them in them
     mask = mask if choice.mask is None else choice.mask
     if isinstance(mask, Path):
         mask = read_mask(mask, size_of(used[0]))
@@ -130,7 +145,10 @@ def assemble(
     lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
-    images = corrected(samples, choice, lens, None if mask is None else box_of(mask, MARGIN))
+    flats = None
+    if boards is not None:
+        flats = boards, None if vectors is None else unit_lights(vectors, [name_of(p) for p in used])[:, 2]
+    images = corrected(samples, choice, lens, None if mask is None else box_of(mask, MARGIN), flats)
     if lamps is None:
         lamps, camera = placed(vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, samples.frame)
     else:
@@ -189,12 +207,37 @@ def _intensities(given: np.ndarray | Path | None, counts: list[int], order: list
     return table if len(table) == used else table[chosen]
 
 
-def corrected(files: ImageFiles, choice: Choice, lens: Lens | None, box: tuple[slice, slice] | None) -> Images:
-    """The pictures without what `choice` names: dark level, flat field, hot pixels, and the lens's distortion."""
+def white_boards(folder: Path, names: Sequence[str]) -> list[Path]:
+    """The folder's picture of a white board for each of the pictures `names`: of the same names, or in their order."""
+    found = find_pictures(folder)
+    by_name = {path.stem: path for path in found}
+    if all(Path(name).stem in by_name for name in names):
+        return [by_name[Path(name).stem] for name in names]
+    if len(found) != len(names):
+        raise InputError(
+            f"--flat {folder} has {len(found)} pictures but one of a white board for each of {len(names)} lights is "
+            "needed, of the photographs' names or in their order; add or remove some."
+        )
+    return found
+
+
+def corrected(
+    files: ImageFiles,
+    choice: Choice,
+    lens: Lens | None,
+    box: tuple[slice, slice] | None,
+    flats: tuple[list[Path], np.ndarray | None] | None,
+) -> Images:
+    """The pictures without what `choice` names: dark level, flat field, hot pixels, and the lens's distortion.
+
+    `flats` are pictures of a white board, one for each light, and the lights' cosines, where they are known.
+    """
     shape, linear = (*files.frame, 3 if choice.rgb_lights else files.shape[3]), files.linear
     dark = read_frame(choice.dark, shape, "dark frame", linear) if choice.dark else None
     flat = None
-    if choice.flat:
+    if flats is not None:
+        flat = FlatFields(flats[0], shape, dark, linear, flats[1])
+    elif choice.flat:
         flat = flat_field(read_frame(choice.flat, shape, "flat field", linear), dark, choice.flat)
     hot = None
     if choice.hot_pixels:

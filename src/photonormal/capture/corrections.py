@@ -1,10 +1,12 @@
 """What has to be taken out of photographs as they come: dark frame, flat field, hot pixels, lens distortion.
 
-A sample is s = g (e I) + d with the dark level d and the flat field g: I = (s - d) / (g e).
+A sample is s = g (e I) + d with the dark level d and the flat field g: I = (s - d) / (g e). A white board that faces
+the camera under each light shows g e l_z, fall-off and all.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ from photonormal.capture.store import Framed
 from photonormal.files.decode import decode, frame_of, full_scale
 from photonormal.types import Image, InputError
 
+GRAZING = 0.05  # cosine of a light on a board, at least
 LEAST_FLAT = 0.02  # of the flat field's median: darker places hold no light to divide by
 HOT, RATIO = 0.03, 1.5  # of full scale, and times the median of its neighbours: above both a pixel is hot
 
@@ -28,7 +31,8 @@ class Corrected:
     images : linear radiance divided by the intensities of the lights
     dark : (h, w, 1 or c) level with all lights off, as a fraction of full scale; or None. Of pictures that are one
         channel each (h, w, 3): each picture's channel counts
-    flat : as `dark`, relative brightness of an even white surface; or None
+    flat : as `dark`, relative brightness of an even white surface; a function of the picture's number where it differs;
+        or None
     hot : (h, w) bool, pixels to be replaced by the median of their neighbours; or None
     lens : whose distortion is taken out; or None
     box : rows and columns outside of which the corrected pictures are zero
@@ -38,7 +42,7 @@ class Corrected:
         self,
         images: ImageFiles,
         dark: np.ndarray | None = None,
-        flat: np.ndarray | None = None,
+        flat: np.ndarray | Callable[[int], np.ndarray] | None = None,
         hot: Bool[np.ndarray, "h w"] | None = None,
         lens: Lens | None = None,
         box: tuple[slice, slice] | None = None,
@@ -65,7 +69,7 @@ class Corrected:
         if self.hot is not None and self.hot.any():
             image = np.where(self.hot[..., None], neighbours(image), image)
         if self.flat is not None:
-            image = image / self.images.own(self.flat, j)
+            image = image / self.images.own(self.flat(j) if callable(self.flat) else self.flat, j)
         if self.lens is not None:
             image = self.lens.undistorted(image)
         return image.astype(np.float32, copy=False)
@@ -107,6 +111,49 @@ def flat_field(level: np.ndarray, dark: np.ndarray | None, path: Path) -> np.nda
         part = 100 * float((flat < LEAST_FLAT).mean())
         raise InputError(f"{part:.2g} % of the flat field {path} is black; photograph an even white surface.")
     return flat
+
+
+class FlatFields:
+    """Relative brightness of a white board under each light: what the picture of that light is to be divided by.
+
+    Parameters
+    ----------
+    paths : the n pictures of the board, which faces the camera
+    shape : (h, w, c) of the photographs
+    dark : their dark level, or None; `linear` linearises them
+    cosines : (n,) of the lights and the camera's axis, which the board shows too; or None
+    """
+
+    def __init__(
+        self,
+        paths: Sequence[Path],
+        shape: tuple[int, ...],
+        dark: np.ndarray | None,
+        linear: np.ndarray | None,
+        cosines: Float[np.ndarray, " n"] | None,
+    ):
+        self.paths, self.shape, self.dark, self.linear = paths, shape, dark, linear
+        self.cosines = np.ones(len(paths)) if cosines is None else cosines
+        medians = [float(np.median(self._level(j))) for j in range(len(paths))]
+        black = [path for path, middle in zip(paths, medians, strict=True) if middle <= 0]
+        if black:
+            raise InputError(f"the flat field {black[0]} is black on most of the frame; photograph a white board.")
+        if self.cosines.min() < GRAZING:
+            j = int(self.cosines.argmin())
+            raise InputError(
+                f"the light of the flat field {paths[j]} lies {np.degrees(np.arccos(self.cosines[j])):.0f} degrees off "
+                "the camera's axis, so that it misses a board that faces the camera; leave that light out."
+            )
+        self.middle = float(np.mean(medians))
+
+    def __call__(self, j: int) -> np.ndarray:
+        """(h, w, 1 or c); infinite where the board shows nothing, so that nothing is told there."""
+        level = self._level(j) / self.middle
+        return np.where(level > LEAST_FLAT * np.median(level), level / self.cosines[j], np.inf)
+
+    def _level(self, j: int) -> np.ndarray:
+        level = read_frame(self.paths[j], self.shape, "flat field", self.linear)
+        return level if self.dark is None else np.maximum(level - self.dark, 0)
 
 
 def hot_pixels(level: Float[np.ndarray, "h w c"]) -> Bool[np.ndarray, "h w"]:

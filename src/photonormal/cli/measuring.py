@@ -55,7 +55,8 @@ class Photographs:
     dark: Path | None = None
     """Picture taken with all lights off, which is subtracted: ambient light and the sensor's black."""
     flat: Path | None = None
-    """Picture of an even white surface, by which the photographs are divided: vignetting and dust."""
+    """Picture of an even white surface, by which the photographs are divided: vignetting and dust; or a folder with one
+    of a white or grey board for each light: also how its light falls off, and how bright it is."""
     hot_pixels: bool = False
     """Replace pixels that stand out of their surroundings in the dark picture, or in all photographs."""
     lens: Path | None = None

@@ -157,7 +157,8 @@ def wrong_frame(surface: Surface) -> tuple[Finding, Float[np.ndarray, "3 3"]] | 
 
     Up to half a turn, where the finding's numbers say that it is not told.
     """
-    away = bool((surface.normals[surface.mask][:, 2] < 0).mean() > 0.5)
+    below = np.median(surface.L[:, 2]) < 0  # lights in front don't show a surface that faces away
+    away = bool(below and (surface.normals[surface.mask][:, 2] < 0).mean() > 0.5)
     verdict = judged(surface.with_z_turned() if away else surface)
     if verdict.frame == GIVEN and not away:
         return None

@@ -1,78 +1,11 @@
-"""Subsets, sorting and the choice of what in a folder is a picture or a mask."""
+"""The last step of reading: what a user names instead of the capture's own."""
 
 import numpy as np
 import pytest
 
 from photonormal import load
 from photonormal.capture.assemble import known_normals
-from photonormal.capture.pictures import find_mask, find_pictures, natural, parse_images
 from tests.capture.files import LIGHTS, MASK, refusal, samples, write_folder, write_picture
-
-
-class TestSubset:
-    @pytest.mark.parametrize(
-        ("text", "chosen"),
-        [("", [0, 1, 2, 3, 4]), ("  ", [0, 1, 2, 3, 4]), ("2", [1]), ("1-3", [0, 1, 2]), (" 5 , 1 - 2", [4, 0, 1])],
-    )
-    def test_numbers_and_ranges(self, text, chosen):
-        assert parse_images(text, 5) == chosen
-
-    @pytest.mark.parametrize(
-        "text",
-        "0|6|3-1|1-6|-1|1-|a|1,,2|1,|1;2|1.5|1,1|1-3,2|1-999999999|\n1\n2|٣|1--2|1-2-3|,".split("|"),
-    )
-    def test_anything_else_is_refused(self, text):
-        assert "--images" in refusal(parse_images, text, 5)
-
-    def test_a_number_too_long_for_python(self):
-        assert len(refusal(parse_images, "9" * 5000, 5)) < 200
-
-    def test_lights_and_names_follow(self, tmp_path):
-        capture = load(write_folder(tmp_path), images="4,1-2")
-        assert capture.image_names == ("4.png", "1.png", "2.png")
-        np.testing.assert_allclose(capture.known_lights(), LIGHTS[[3, 0, 1]])
-        np.testing.assert_allclose(capture.images[0][MASK], (samples(3) / 65535)[MASK], rtol=1e-6)
-
-    def test_a_useless_light_can_be_left_out(self, tmp_path):
-        write_folder(tmp_path)
-        np.savetxt(tmp_path / "light_directions.txt", np.concatenate([LIGHTS[:3], [[0, 0, 0]]]))
-        assert "the light of 4.png is [0.0, 0.0, 0.0]" in refusal(load, tmp_path)
-        assert load(tmp_path, images="1-3").images.shape[0] == 3
-
-    def test_an_unreadable_picture_can_be_left_out(self, tmp_path):
-        (write_folder(tmp_path) / "1.png").write_bytes(b"")
-        refusal(load, tmp_path)
-        load(tmp_path, images="2-4").map_images(lambda j, image: None)
-
-
-class TestFolder:
-    def test_image_10_comes_after_image_9(self, tmp_path):
-        order = ["a.png", "B9.png", "b10.png", "img1a.png", "img1b.png", "img02.png", "img2.png", "img²1.png", "1.png"]
-        paths = [tmp_path / name for name in order]
-        assert sorted(paths[::-1], key=natural) == sorted(paths, key=natural) == paths
-
-    def test_what_is_no_photograph(self, tmp_path):
-        for name in (
-            "1.png",
-            "2.jpg",
-            "normal.png",
-            "Normal_gt.png",
-            "x_mask.png",
-            ".hidden.png",
-            "._mask.png",
-            "a.txt",
-        ):
-            (tmp_path / name).touch()
-        for name in ("3.png", "mask.png"):
-            (tmp_path / name).mkdir()
-        assert [p.name for p in find_pictures(tmp_path)] == ["1.png", "2.jpg"]
-        mask = find_mask(tmp_path)
-        assert mask is not None and mask.name == "x_mask.png"
-
-    def test_two_masks(self, tmp_path):
-        for name in ("mask.png", "a.mask.tif"):
-            (tmp_path / name).touch()
-        assert "choose one with --mask" in refusal(find_mask, tmp_path)
 
 
 def test_normals_are_known_where_they_have_a_length():

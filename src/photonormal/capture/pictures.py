@@ -66,10 +66,13 @@ def _of_one_kind(pictures: list[Path], folder: Path, prefer: str) -> list[Path]:
 
 
 def pages(pictures: Sequence[Path]) -> list[Picture]:
-    """The pictures, each page of a TIFF stack as one."""
+    """The pictures, each page of a TIFF stack as one; files that can't be read are refused when they are used."""
     found: list[Picture] = []
     for path in pictures:
-        n = pages_of(path) if path.suffix.lower() in PREFER["tiff"] and os.path.isfile(path) else 1
+        try:
+            n = pages_of(path) if path.suffix.lower() in PREFER["tiff"] else 1
+        except InputError:
+            n = 1
         found += [path] if n == 1 else [Plane(path, page) for page in range(n)]
     return found
 

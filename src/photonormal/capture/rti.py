@@ -19,6 +19,7 @@ from photonormal.capture.lights.match import located
 from photonormal.capture.pictures import picture_files
 from photonormal.types import Capture, InputError
 
+ASSEMBLY = "assembly-files"  # the folder of a project that holds the lists
 ORIGINAL = "_originalset"  # ends the name of RTIBuilder's list of pictures before they were cropped
 
 
@@ -30,13 +31,20 @@ def matches(path: Path) -> bool:
 def read(path: Path, choice: Choice) -> Capture:
     """The pictures that an `.lp` file names, with its directions, or with the lights that the user names."""
     if path.is_file():
-        return folder.read(path.parent, choice, lights=path)
-    if _lp_files(path):
+        return _read(path, choice)
+    if picture_files(path) and _lp_files(path):
         return folder.read(path, choice)
-    lists = _of_project(path)
+    lists = _lp_files(path) or _of_project(path)
     if not lists:
         raise InputError(f"{path} has 0 .lp files but one is needed; name the file itself, or add --lights.")
-    return folder.read(path, choice, lights=_chosen(lists, path))
+    return _read(_chosen(lists, path), choice, path)
+
+
+def _read(lp: Path, choice: Choice, path: Path | None = None) -> Capture:
+    """The pictures of a list, as the capture of a folder: its project's, where it lies in one."""
+    place = lp.resolve().parent
+    of_project = place.name.lower() == ASSEMBLY and not picture_files(place)
+    return folder.read(place.parent if of_project else path or lp.parent, choice, lights=lp)
 
 
 def _lp_files(path: Path) -> list[Path]:

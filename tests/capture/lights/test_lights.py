@@ -9,6 +9,7 @@ from scipy.io import savemat
 
 from photonormal import load
 from photonormal.capture.lights import read_lights
+from photonormal.types import InputError
 from tests.capture.files import LIGHTS, refusal, samples, write_folder, write_picture
 
 NAMES = [f"IMG_{j}.png" for j in range(1, 5)]
@@ -170,6 +171,30 @@ class TestPrograms:
             assert name in refusal(read_lights, tmp_path / name)
 
 
+@pytest.mark.parametrize("suffix", [".lp", ".csv", ".npy", ".mat", ".dome", ".relight", ".json"])
+def test_any_change_is_read_or_refused(tmp_path, suffix):
+    file, rng = tmp_path / f"a{suffix}", np.random.default_rng(0)
+    if suffix == ".npy":
+        np.save(file, LIGHTS)
+    elif suffix == ".mat":
+        savemat(file, {"S": LIGHTS, "cells": np.array(["a", 3], object)})
+    elif suffix in (".lp", ".csv"):
+        file.write_text(rows(" " if suffix == ".lp" else ","))
+    else:
+        content = TestPrograms.DOME | {"lights": [{"direction": l} for l in LIGHTS.tolist()]}
+        file.write_text(json.dumps(content))
+    data = file.read_bytes()
+    for k in range(150):
+        changed = bytearray(data if k % 10 else data[: rng.integers(len(data))])
+        for place in rng.integers(0, max(len(changed), 1), 1 + k % 4):
+            changed[place : place + 1] = rng.integers(0, 256, 1, np.uint8).tobytes()
+        file.write_bytes(changed)
+        try:
+            read_lights(file)
+        except InputError as error:
+            assert len(str(error).splitlines()) == 1
+
+
 class TestNames:
     @pytest.fixture
     def folder(self, tmp_path):
@@ -250,12 +275,12 @@ class TestProjects:
         return folder
 
     def test_the_project_and_its_lists(self, project):
-        for path in (project, project / "assembly-files" / "vase.lp"):
+        for path in (project, project / "assembly-files", project / "assembly-files" / "vase.lp"):
             capture = load(path)
+            assert capture.name == "vase"
             assert capture.image_names == tuple(NAMES)
             np.testing.assert_allclose(capture.images[1], samples(1) / 65535, rtol=1e-6)
             np.testing.assert_allclose(capture.known_lights(), LIGHTS, atol=1e-5)
-        assert load(project).name == "vase"
 
     def test_cropped_pictures_are_preferred(self, project):
         (project / "assembly-files" / "vase.lp").write_text(

@@ -35,7 +35,7 @@ def _npy(path: Path) -> np.ndarray:
             return read_array(file, size_of(file))
     except FileNotFoundError:
         raise InputError(f"{path} is missing but it is needed; restore it or name another.") from None
-    except (OSError, ValueError) as error:
+    except Exception as error:  # damaged headers raise anything
         raise InputError(f"{path} can't be read ({reason_of(error)}); save the lights as an (n, 3) array.") from None
 
 

@@ -276,8 +276,15 @@ def written(scene: Scene, rng: np.random.Generator, folder: Path) -> None:
 
 
 def truth(scene: Scene) -> list[np.ndarray]:
-    """Directions (n, 3) from each mirror ball to the lamps."""
-    return [normalised(scene.lamps - b.C) for b in scene.balls if not b.rough_deg]
+    """Directions (n, 3) to the lamps from where each mirror ball reflects them to the camera."""
+    found = []
+    for ball in scene.balls:
+        if not ball.rough_deg:
+            L = normalised(scene.lamps - ball.C)
+            for _ in range(30):
+                L = normalised(scene.lamps - ball.C - ball.r * normalised(L + np.array([0.0, 0, 1])))
+            found.append(L)
+    return found
 
 
 def main() -> None:

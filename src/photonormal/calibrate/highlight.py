@@ -169,12 +169,7 @@ def looked_for(pictures: Float[np.ndarray, "n h w"], circle: Circle) -> list[Hig
 
 def is_a_mirror_s(highlight: Highlight | None, circle: Circle) -> bool:
     """Whether there is one small reflection, as a mirror has it: a matt sphere makes broad ones, a rough thing many."""
-    return (
-        highlight is not None
-        and highlight.peak >= DIM
-        and _part(highlight, circle) <= LARGEST
-        and highlight.rival < RIVAL
-    )
+    return highlight is not None and _stands_out(highlight, circle) and highlight.rival < RIVAL
 
 
 def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], circle: Circle, where: str) -> None:
@@ -188,7 +183,8 @@ def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], ci
             (circle,),
         )
     shown = [h for h in found if h is not None]
-    if sum(_stands_out(h, circle) for h in shown) < len(shown) / 2 and max(_part(h, circle) for h in shown) <= LARGEST:
+    small = max(_part(h, circle) for h in shown) <= LARGEST
+    if small and np.mean([_stands_out(h, circle) for h in shown]) < 0.5:
         raise SphereError(
             f"the highlights on the sphere at {circle} of {where} are too broad and dim for a mirror's; give --circle "
             "x,y,r where the sphere is elsewhere, or use a mirror sphere.",

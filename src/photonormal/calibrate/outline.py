@@ -17,6 +17,8 @@ VOTERS = 12  # pictures that vote
 RADII = (0.05, 0.62)  # smallest and largest radius looked for, fractions of the shorter side
 NOISE = 0.01  # gradient, in square roots of full scale a pixel, that counts half: edges on black count, noise does not
 EDGE_POWER = 3  # of roots: between linear levels and encoded ones made linear, so that an edge is where it is half way
+INNER = 2  # of the surest circles that a fainter one may lie around
+OUTER = (1.15, 1.3, 1.45)  # its radius, in theirs: the table's horizon in a ball is 0.71 of its outline
 ANGLES = 360  # places around a circle at which its edge is looked for
 
 
@@ -36,11 +38,18 @@ def outlines(pictures: Sequence[Float[np.ndarray, "h w"]], count: int, pixel: fl
     step = max(1, len(pictures) // VOTERS)
     votes = np.sum([_votes(resized(p, size)) for p in pictures[::step]], axis=0)
     found: list[Circle] = []
-    for k, y, x in _peaks(votes, count):
-        corner = np.array([x + 0.5, y + 0.5, _radii(votes.shape[1:])[k]]) / size  # counted from the frame's corner
-        circle = refined(pictures, corner - np.array([0.5, 0.5, 0]), pixel)
+
+    def look(x: float, y: float, r: float) -> None:
+        circle = refined(pictures, np.array([x, y, r]), pixel)
         if all(np.hypot(circle.x - c.x, circle.y - c.y) + abs(circle.r - c.r) > 0.04 * circle.r for c in found):
             found.append(circle)
+
+    for k, y, x in _peaks(votes, count):
+        look((x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5, _radii(votes.shape[1:])[k] / size)
+    found.sort(key=lambda c: -c.confidence)
+    for c in found[:INNER]:
+        for factor in OUTER:
+            look(c.x, c.y, factor * c.r)
     return sorted(found, key=lambda c: -c.confidence)
 
 
@@ -99,11 +108,12 @@ def refined(pictures: Sequence[np.ndarray], start: np.ndarray, pixel: float = 1.
     import cv2
 
     x, y, r = start
+    blur = max(1.0, pixel / 2)  # of edges, where pictures were made larger
     pictures = [picture**EDGE_POWER for picture in pictures]
     phi = 2 * np.pi * np.arange(ANGLES) / ANGLES
     distance, window, place = np.zeros(ANGLES), 0.0, np.zeros((ANGLES, 2))
     for part in (0.08, 0.04, 0.02):
-        window = max(part * r, 3.0)
+        window = max(part * r, 3.0 * blur)
         t = np.arange(r - window, r + window, 0.5)  # radii sampled
         mx = (x + np.cos(phi)[:, None] * t).astype(np.float32)  # (angles, samples)
         my = (y + np.sin(phi)[:, None] * t).astype(np.float32)
@@ -120,7 +130,7 @@ def refined(pictures: Sequence[np.ndarray], start: np.ndarray, pixel: float = 1.
         place = np.stack([x + np.cos(phi) * distance, y + np.sin(phi) * distance], axis=-1)
         x, y, r, _ = fit_circle(place, weights=b.clip(1e-6))
     off = np.hypot(place[:, 0] - x, place[:, 1] - y) - r
-    tolerance = max(0.004 * r, 0.75)
+    tolerance = max(0.004 * r, 0.75 * blur)
     near = np.abs(off) < tolerance
     chance = tolerance / window  # that an edge anywhere in the window is near
     seen = float(near.mean()) - 1.5 / np.sqrt(min(ANGLES, np.pi * r / pixel))  # small circles fit something by luck

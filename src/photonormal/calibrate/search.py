@@ -145,18 +145,7 @@ def _in_place(roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale
     """The circles of one place, in pixels of the photographs; pictures that begin at (x0, y0)."""
     found = []
     for c in outlines(roots, OUTLINES, max(1.0, scale)):
-        if c.confidence < CONFIDENCE / 2 or c.r < 3:
-            continue
-        a, b = max(0, int(c.x - c.r)), max(0, int(c.y - c.r))
-        part = dark[:, b : int(c.y + c.r) + 2, a : int(c.x + c.r) + 2]
-        if 0 in part.shape:
-            continue
-        within = Circle(c.x - a, c.y - b, c.r)
-        highlights = looked_for(part, within)
-        xy = np.array([(h.x + a, h.y + b) if h else (np.nan, np.nan) for h in highlights])
-        mirrored = float(np.mean([is_a_mirror_s(h, within) for h in highlights]))
-        if mirrored == 0 or np.linalg.norm(np.nanstd(xy, axis=0)) < SPREAD * c.r:
-            mirrored = 0.0
+        xy, mirrored = _mirrored(c, dark) if c.confidence >= CONFIDENCE / 2 else (np.full((len(dark), 2), np.nan), 0.0)
         circle = Circle(
             (c.x + 0.5) / scale - 0.5 + x0,
             (c.y + 0.5) / scale - 0.5 + y0,
@@ -166,6 +155,18 @@ def _in_place(roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale
         )
         found.append(Found(circle, (xy + 0.5) / scale - 0.5 + (x0, y0), mirrored))
     return found
+
+
+def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
+    """Highlights (n, 2) inside a circle, NaN where there are none, and the part of the pictures that mirror."""
+    a, b = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
+    part = dark[:, b : int(circle.y + circle.r) + 2, a : int(circle.x + circle.r) + 2]
+    within = Circle(circle.x - a, circle.y - b, circle.r)
+    highlights = looked_for(part, within) if part.size else [None] * len(dark)
+    xy = np.array([(h.x + a, h.y + b) if h else (np.nan, np.nan) for h in highlights])
+    mirrored = float(np.mean([is_a_mirror_s(h, within) for h in highlights]))
+    moves = mirrored > 0 and np.linalg.norm(np.nanstd(xy, axis=0)) >= SPREAD * circle.r
+    return xy, mirrored if moves else 0.0
 
 
 def _overlap(a: Circle, b: Circle) -> bool:

@@ -83,8 +83,8 @@ class Sphere:
         missing = [name for name, h in zip(names, self.highlights, strict=True) if h is None]
         if missing:
             found.append(
-                f"no highlight was found on the sphere in {', '.join(missing)} of {self.where}: the light is off there, "
-                f"or behind the sphere; the other {len(names) - len(missing)} lights can be used."
+                f"no highlight was found on the sphere in {', '.join(missing)} of {self.where}: the light is off "
+                f"there, or behind the sphere; the other {len(names) - len(missing)} lights can be used."
             )
         doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h and h.rivals]
         if doubtful:

@@ -6,12 +6,13 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored", "png"}
+BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored", "png", "curl"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
     "types": {"png"},
     "files": {"types", "png"},
     "geometry": {"types"},
+    "curl": set(),
     "shading": set(),
     "disk": {"types"},
     "options": {"types"},

@@ -7,23 +7,32 @@ from jaxtyping import Float
 
 from photonormal.types import InputError
 
-FRAMES = {  # vectors of another convention times these are in ours (x right, y up, z to the camera), and back
-    "opengl": (1.0, 1.0, 1.0),  # DiLiGenT, PS-FCN, relight's .lp and normal maps; ours
-    "directx": (1.0, -1.0, 1.0),  # green down: y down, z to the camera
-    "y-down": (1.0, -1.0, -1.0),  # cameras of OpenCV, LUCES and AliceVision: y down, z into the scene
+FRAMES = {  # frame -> its three axes as axes of ours (1: x right, 2: y up, 3: z to the camera), negative where reversed
+    "opengl": (1, 2, 3),  # ours; DiLiGenT, PS-FCN, relight's .lp and normal maps
+    "directx": (1, -2, 3),  # green down: y down, z to the camera
+    "y-down": (1, -2, -3),  # cameras of OpenCV, LUCES and AliceVision: y down, z into the scene
+    "z-away": (1, 2, -3),  # Direct3D's view space: y up, z into the scene
+    "blender": (1, -3, 2),  # world space seen from the front: x right, y away from the camera, z up
 }
 
 
-def known_frame(name: str) -> tuple[float, float, float]:
-    """The factors of a frame; InputError where there is none of that name."""
+def known_frame(name: str) -> tuple[int, int, int]:
+    """The axes of a frame; InputError where there is none of that name."""
     if name not in FRAMES:
-        raise InputError(f"no frame {name!r}; choose from {', '.join(FRAMES)}.")
+        raise InputError(f"no frame {name[:40]!r}; choose from {', '.join(FRAMES)}.")
     return FRAMES[name]
 
 
 def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
-    """Vectors of our frame in the one called `name`, and the other way round."""
-    return v * np.array(known_frame(name), v.dtype)
+    """Vectors of our frame in the one called `name`."""
+    axes = np.array(known_frame(name))
+    return v.take(abs(axes) - 1, axis=-1) * np.sign(axes).astype(v.dtype)
+
+
+def from_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
+    """Vectors of the frame called `name` in ours."""
+    axes = np.array(known_frame(name))
+    return (v * np.sign(axes).astype(v.dtype))[..., np.argsort(abs(axes))]
 
 
 def normalised(v: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:

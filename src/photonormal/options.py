@@ -27,6 +27,10 @@ Share = Annotated[float, Meta(ge=0, le=1, description="a number from 0 to 1")]
 Angle = Annotated[float, Meta(gt=0, le=180, description="degrees above 0 and up to 180")]
 Device = Annotated[str, Meta(pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$", description="auto, cpu or cuda")]
 Rotations = Annotated[Literal[1, 4], Meta(description="1 or 4, as quarter turns keep the pixels,")]
+Frame = Annotated[
+    Literal["opengl", "directx", "y-down", "z-away", "blender"],
+    Meta(description="opengl, directx, y-down, z-away or blender"),
+]
 Precision = Annotated[Literal["auto", "float32", "bf16"], Meta(description="auto, float32 or bf16")]
 
 

@@ -6,7 +6,7 @@ import pytest
 import photonormal as pn
 from photonormal.capture.corrections import hot_pixels
 from photonormal.capture.lens import Lens, read_lens
-from photonormal.geometry import FRAMES, angle_deg, in_frame
+from photonormal.geometry import FRAMES, angle_deg, from_frame, in_frame
 from photonormal.types import InputError
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
@@ -142,4 +142,4 @@ def test_lights_of_every_frame_come_out_the_same(shot, tmp_path, frame):
 @pytest.mark.parametrize("frame", FRAMES)
 def test_a_frame_applied_twice_is_the_identity(frame):
     v = np.array([[0.1, -0.5, 0.8]])
-    assert (in_frame(in_frame(v, frame), frame) == v).all()
+    assert (from_frame(in_frame(v, frame), frame) == v).all()

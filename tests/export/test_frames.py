@@ -6,7 +6,7 @@ import pytest
 from photonormal.capture.lights import read_lights
 from photonormal.cli import main
 from photonormal.export import load_normals, save
-from photonormal.geometry import FRAMES, angle_deg, in_frame
+from photonormal.geometry import FRAMES, angle_deg, from_frame, in_frame
 from photonormal.types import InputError
 from tests.calibrate.chrome import dome, write_chrome
 from tests.scenes import lambertian, ring, sphere, write_diligent
@@ -43,7 +43,7 @@ def test_cameras_that_look_along_z_see_normals_of_negative_z():
 def test_calibrated_lights_come_back_from_every_frame(tmp_path, frame, capsys):
     write_chrome(tmp_path / "scene", dome(7), mask=True)
     assert main(["calibrate", str(tmp_path / "scene"), "--out", str(tmp_path / "l.lp"), "--frame", frame]) == 0
-    assert angle_deg(in_frame(read_lights(tmp_path / "l.lp").vectors, frame), dome(7)).max() < 0.5
+    assert angle_deg(from_frame(read_lights(tmp_path / "l.lp").vectors, frame), dome(7)).max() < 0.5
 
 
 @pytest.mark.parametrize("frame", FRAMES)
@@ -62,5 +62,5 @@ def test_convert_turns_green_around(tmp_path, capsys):
 
 
 def test_an_unknown_frame_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no frame 'unity'; choose from opengl, directx, y-down"):
+    with pytest.raises(InputError, match="no frame 'unity'; choose from opengl, directx, y-down, z-away, blender"):
         save(sphere(), tmp_path / "a.png", frame="unity")

@@ -20,7 +20,7 @@ from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
 from photonormal.capture.pictures import counts_differ, find_pictures, pages, parse_images, refuse_repeated
 from photonormal.capture.texts import read_intensities
-from photonormal.geometry import in_frame
+from photonormal.geometry import from_frame
 from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of, unit_lights
 
 
@@ -116,7 +116,7 @@ def assemble(
         if len(rows) not in (len(with_light), len(used)):
             raise counts_differ(name, used, len(rows), listed.source)
         rows = rows if len(rows) == len(used) else [rows[j] for j in chosen]
-        vectors = in_frame(listed.vectors[rows], choice.frame if choice.ring is None else "opengl")
+        vectors = from_frame(listed.vectors[rows], choice.frame if choice.ring is None else "opengl")
         notes = [*listed.notes, *notes]
         if listed.intensities is not None and intensities is None:
             intensities = listed.intensities[rows]

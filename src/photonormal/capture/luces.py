@@ -22,7 +22,7 @@ import numpy as np
 from photonormal.capture.assemble import Choice, assemble
 from photonormal.capture.texts import number, positive, read_lines
 from photonormal.files.decode import decode, full_scale
-from photonormal.geometry import in_frame
+from photonormal.geometry import from_frame
 from photonormal.types import Camera, Capture, InputError, Lamps
 
 PARAMETERS = "led_params.txt"
@@ -77,7 +77,7 @@ def read_parameters(path: Path) -> tuple[Lamps, np.ndarray, Camera]:
         raise InputError(f"{path} has f {f:g} and mean_distance {distance_mm:g} but both must be above 0; restore it.")
     table = np.array(rows)
     channels = 1 if table.shape[1] < 10 else 3
-    S, axes = in_frame(table[:, :3], "y-down"), in_frame(table[:, 3:6], "y-down")
+    S, axes = from_frame(table[:, :3], "y-down"), from_frame(table[:, 3:6], "y-down")
     lamps = Lamps(S, axes, table[:, 6 + channels])
     K = np.array([[f, 0, x0], [0, f, y0], [0, 0, 1]])
     return lamps, positive(table[:, 6 : 6 + channels], path), Camera(distance_mm / f, K)

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.check.curl import Curl
 from photonormal.check.finding import Finding
 from photonormal.check.outline import Outline
 from photonormal.check.shadows import CastShadows
+from photonormal.curl import Curl
 
 SNAP_DEG, AS_GOOD = 20, 1.05  # a turn is a multiple of 45 degrees where one so near has a curl as low, up to a factor
-SMALL_DEG = 15  # turns below that are no mistake of a frame
+STEP_DEG, SMALL_DEG = 5, 15  # of the turns tried; those below the second are no mistake of a frame
 WORSE = 1.25  # curl of the given frame over another one's, at which that is reported
 CERTAIN = 3.0  # and its mean over parts of the surface, in standard errors
 MIRRORED = {
@@ -57,6 +57,8 @@ class Frame:
 
 
 GIVEN = Frame(False, 0)
+TRIED = [Frame(True, deg) for deg in range(0, 180, STEP_DEG)]  # half turns aside, which change no curl
+TRIED += [Frame(False, deg) for deg in range(SMALL_DEG, 181 - SMALL_DEG, STEP_DEG)]
 QUARTERS = [Frame(mirrored, deg) for mirrored in (False, True) for deg in (0, 90, 180, 270)]
 
 
@@ -130,7 +132,7 @@ def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
     curl = Curl.of(surface.normals, surface.mask)
     if curl is None:
         return GIVEN, {}
-    best = curl.lowest(SMALL_DEG)
+    best = min(TRIED, key=curl.total)
     usual = Frame(best.mirrored, round(best.turn_deg / 45) * 45 % 180)
     if curl.total(usual) <= AS_GOOD * curl.total(best) and usual != GIVEN:
         best = usual

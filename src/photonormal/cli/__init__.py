@@ -13,7 +13,8 @@ from typing import Any
 import tyro
 
 from photonormal.cli.faults import fault, one_line
-from photonormal.cli.measuring import Convert, Integrate, Measure, Methods, Score
+from photonormal.cli.mapping import Convert, Integrate, Score
+from photonormal.cli.measuring import Measure, Methods
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
 from photonormal.cli.viewing import Export, View

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
-from photonormal.options import Count, Device, Positive, Precision
+from photonormal.options import Count, Device, Frame, Positive, Precision
 from photonormal.solve import DEFAULT, METHODS, method_class, parse
-from photonormal.types import InputError, printable
+from photonormal.types import printable
 
 
 @dataclass(frozen=True)
@@ -88,8 +87,8 @@ class Measure:
     """auto, cpu or cuda."""
     precision: Precision = "auto"
     """What networks compute in: float32 or bf16; auto: bf16 where the machine has instructions for it."""
-    normals_frame: str = "opengl"
-    """Frame of normals.png: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
+    normals_frame: Frame = "opengl"
+    """Frame of normals.png, which tells it: opengl (green up), directx (green down), y-down, z-away or blender."""
     integration: str = "quadratic"
     """How depth is found: simchony, quadratic or bilateral."""
     camera: Path | None = None
@@ -98,6 +97,8 @@ class Measure:
     """Write depth and mesh."""
     expected_error: bool = True
     """Tell how far each normal is expected to be off."""
+    linear_albedo: bool = False
+    """Write albedo.png without the sRGB curve."""
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
     read: Read = Photographs()
@@ -106,11 +107,9 @@ class Measure:
         from photonormal.capture import files_read, load, told
         from photonormal.export.folder import whole_folder
         from photonormal.export.result import write_result
-        from photonormal.geometry import known_frame
         from photonormal.measure import measure, read_camera
 
         method, options = parse(self.method)
-        known_frame(self.normals_frame)
         K, how = read_camera(self.camera), asdict(self.read)
         capture = load(self.capture, **how)
         with whole_folder(
@@ -126,7 +125,7 @@ class Measure:
                 expected_error=self.expected_error,
                 precision=self.precision,
             )
-            report = write_result(result, folder, self.normals_frame, told(self.capture, how))
+            report = write_result(result, folder, self.normals_frame, told(self.capture, how), self.linear_albedo)
         for warning in report["warnings"]:
             print(f"photonormal: warning: {printable(warning)}", file=sys.stderr)
         seconds = sum(report["seconds"].values())
@@ -136,96 +135,6 @@ class Measure:
         )
         if "score" in report:
             print(f"mean angular error {report['score']['mean_deg']:.2f} degrees against the true normals")
-        return 0
-
-
-@dataclass(frozen=True)
-class Score:
-    """Angular error of a result against the true normals of its capture."""
-
-    capture: Positional[Path]
-    """The capture, with ground truth."""
-    result: Positional[Path]
-    """Folder that `measure` wrote, or a normal map (.npz, .png, .exr)."""
-    format: str = "auto"
-    """Layout of the capture."""
-    frame: str = "opengl"
-    """Frame of the result's normals: opengl, directx or y-down."""
-    json: bool = False
-    """Print one JSON object."""
-
-    def __call__(self) -> int:
-        from photonormal.capture import load
-        from photonormal.export import load_normals
-        from photonormal.score import score
-
-        truth = load(self.capture, format=self.format).truth
-        if truth is None:
-            raise InputError(f"{self.capture} has no true normals to score against; add Normal_gt.mat.")
-        result = score(load_normals(self.result, self.frame), truth).as_dict()
-        if self.json:
-            print(json.dumps(result))
-        else:
-            print(
-                f"mean {result['mean_deg']:.2f}, median {result['median_deg']:.2f} degrees; "
-                f"{result['below_15']:.1f} % below 15, {result['below_30']:.1f} % below 30 ({result['pixels']} pixels)"
-            )
-        return 0
-
-
-@dataclass(frozen=True)
-class Integrate:
-    """Depth or a mesh from a normal map."""
-
-    normals: Positional[Path]
-    """Normal map (.npz, 16-bit .png, .exr), or a folder that `measure` wrote."""
-    out: Path
-    """File to write: .npz (depth), .ply, .obj or .glb (mesh)."""
-    method: str = "quadratic"
-    """simchony, quadratic or bilateral."""
-    camera: Path | None = None
-    """Text file with the 3 x 3 camera matrix in pixels, for a perspective view."""
-    frame: str = "opengl"
-    """Frame of the normal map: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
-    overwrite: bool = False
-    """Replace a file that exists."""
-
-    def __call__(self) -> int:
-        from photonormal.disk import refuse_taken
-        from photonormal.export import load_normals, save
-        from photonormal.integrate import integrate
-        from photonormal.measure import read_camera
-        from photonormal.progress import progress
-
-        refuse_taken([self.out], self.overwrite)
-        normals = load_normals(self.normals, self.frame)
-        with progress(f"depth by {self.method}"):
-            surface = integrate(normals, self.method, K=read_camera(self.camera))
-        print(save(surface, self.out, normals))
-        return 0
-
-
-@dataclass(frozen=True)
-class Convert:
-    """A normal map in another frame or another format."""
-
-    normals: Positional[Path]
-    """Normal map (.npz, 16-bit .png, .exr), or a folder that `measure` wrote."""
-    out: Path
-    """File to write: .png (16-bit), .exr or .npz."""
-    from_frame: str = "opengl"
-    """Frame of NORMALS: opengl (green up), directx (green down) or y-down (and z away from the camera)."""
-    frame: str = "opengl"
-    """Frame of what is written."""
-    overwrite: bool = False
-    """Replace a file that exists."""
-
-    def __call__(self) -> int:
-        from photonormal.disk import refuse_taken
-        from photonormal.export import load_normals, save
-
-        refuse_taken([self.out], self.overwrite)
-        print(save(load_normals(self.normals, self.from_frame), self.out, frame=self.frame))
         return 0
 
 

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import logging
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from photonormal.geometry import in_frame
+from photonormal.geometry import known_frame
 from photonormal.types import InputError, Normals, Surface
+
+LOG = logging.getLogger("photonormal")
 
 
 def save(
@@ -17,17 +20,20 @@ def save(
     normals: Normals | None = None,
     albedo: np.ndarray | None = None,
     frame: str = "opengl",
+    mm_per_px: float | None = None,
 ) -> Path:
     """Write normals or a surface to one file; whole or not at all.
 
     Parameters
     ----------
     result : Normals to ``.png`` (16-bit, (n + 1) / 2, green up, black outside), ``.exr`` or ``.npz``; a Surface to
-        ``.npz`` or, as a mesh, to ``.ply``, ``.obj`` or ``.glb``
+        ``.npz``, as heights to ``.png``, ``.tif`` (16-bit) or ``.exr``, as a mesh to ``.ply``, ``.obj``, ``.glb`` or
+        ``.stl``
     path : where; an existing file is replaced
     normals : vertex normals of a mesh
     albedo : (h, w, 3) in [0, 1], linear: vertex colours of a mesh
     frame : of the normals in the file, a key of photonormal.geometry.FRAMES; a mesh keeps ours
+    mm_per_px : width of a pixel (at the mean depth of a perspective view): depth, heights and meshes are in mm then
 
     Returns
     -------
@@ -36,7 +42,7 @@ def save(
     from photonormal.disk import write
 
     path = Path(path)
-    write(path, encoded(result, path.name, normals, albedo, frame))
+    write(path, encoded(result, path.name, normals, albedo, frame, mm_per_px))
     return path
 
 
@@ -46,24 +52,54 @@ def encoded(
     normals: Normals | None = None,
     albedo: np.ndarray | None = None,
     frame: str = "opengl",
+    mm_per_px: float | None = None,
 ) -> bytes:
     """The bytes of a file of that name, as `save` writes it."""
-    from photonormal.export import mesh, normal_maps
+    from photonormal.export import heights, mesh, normal_maps
 
     suffix = Path(name).suffix.lower()
-    endings = normal_maps.WRITERS if isinstance(result, Normals) else mesh.FORMATS
+    endings = normal_maps.WRITERS if isinstance(result, Normals) else (*heights.FORMATS, *mesh.FORMATS)
     if suffix not in endings:
         raise InputError(f"{name} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
     if isinstance(result, Normals):
-        return normal_maps.WRITERS[suffix](replace(result, map=in_frame(result.map, frame)))
-    return mesh.encode(result, suffix, normals, albedo)
+        known_frame(frame)
+        return normal_maps.WRITERS[suffix](result, frame)
+    if suffix in heights.FORMATS:
+        return heights.encode(result, suffix, mm_per_px)
+    return mesh.encode(result, suffix, normals, albedo, mm_per_px)
 
 
-def load_normals(path: str | Path, frame: str = "opengl") -> Normals:
-    """Normals that `save` wrote, or any normal map of the same frame: ``.npz``, ``.png`` or ``.exr``; or a folder that
-    `photonormal measure` wrote. `frame` is that of the file, a key of photonormal.geometry.FRAMES.
+def load_normals(
+    path: str | Path,
+    frame: str = "auto",
+    channels: str = "auto",
+    mask: np.ndarray | None = None,
+    partial: bool = False,
+    tell: Callable[[str], object] = LOG.info,
+) -> Normals:
+    """Normals from what `save` or `photonormal measure` wrote, or from a normal map that comes from elsewhere.
+
+    Whatever has a direction is a normal. Black, white, mid-grey and transparent pixels are background.
+
+    Parameters
+    ----------
+    path : ``.npz`` with `normals` and, if known, `mask`; a picture, 8 or 16-bit (n + 1) / 2, or floats that hold
+        this or the vectors themselves; a ``.npy`` array (h, w, 3)
+    frame : of the file, a key of photonormal.geometry.FRAMES; "auto": what the file tells, else ours, unless the curl
+        of the slopes or the sign of z say otherwise
+    channels : which ones hold what: "xyz", "xy" (z is found), "wy" (x in alpha, y in green; z is found), or "auto":
+        xyz where blue fits
+    mask : (h, w) bool; pixels outside it have no normal
+    partial : go on where less than 90 % of the pixels that are no background hold a normal
+    tell : is called with a line for each thing found out about a picture
+
+    Raises
+    ------
+    InputError
+        If the file is no normal map, or what its channels hold can't be told.
     """
     from photonormal.export import normal_maps
 
-    found = normal_maps.read(Path(path))
-    return replace(found, map=in_frame(found.map, frame))
+    if frame != normal_maps.AUTO:
+        known_frame(frame)
+    return normal_maps.read(Path(path), frame, channels, mask, partial, tell)

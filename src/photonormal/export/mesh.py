@@ -1,39 +1,16 @@
-"""Depth as arrays and as triangle meshes with normals and colours (PLY, OBJ, GLB)."""
+"""Depth as triangle meshes with normals and colours (PLY, OBJ, GLB, STL)."""
 
 from __future__ import annotations
 
 import io
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from photonormal.files.opening import read_npz
 from photonormal.types import InputError, Normals, Surface
 
-FORMATS = (".npz", ".ply", ".obj", ".glb")
-
-
-def depth_npz(surface: Surface) -> bytes:
-    """`depth` float32 (h, w), NaN outside; `mask` bool (h, w); `K` (3, 3) of a perspective view."""
-    buffer = io.BytesIO()
-    camera = {} if surface.K is None else {"K": surface.K}
-    np.savez(buffer, allow_pickle=False, depth=surface.depth.astype(np.float32), mask=surface.mask, **camera)
-    return buffer.getvalue()
-
-
-def read_depth(path: Path) -> Surface:
-    """The surface in a `.npz` that `save` wrote.
-
-    Raises
-    ------
-    InputError
-        If the file is cut short or holds something else.
-    """
-    data = read_npz(path, "integrate the normals again", ("depth", "mask", "K"))
-    if not {"depth", "mask"} <= data.keys():
-        raise InputError(f"{path} holds {', '.join(data) or 'nothing'} but depth and mask are needed; integrate again.")
-    return Surface(data["depth"], data["mask"], data.get("K"))
+FORMATS = (".ply", ".obj", ".glb", ".stl")
+BLOCK = 2**16  # rows that become text at a time
 
 
 def vertices(surface: Surface) -> Float[np.ndarray, "v 3"]:
@@ -64,31 +41,86 @@ def faces(mask: np.ndarray) -> Int[np.ndarray, "f 3"]:
     return np.concatenate(triangles)
 
 
-def encode(surface: Surface, suffix: str, normals: Normals | None, albedo: np.ndarray | None) -> bytes:
-    """The bytes of depth (.npz) or of a mesh; a mesh leaves out pixels without depth."""
-    if suffix == ".npz":
-        return depth_npz(surface)
-    import trimesh
+def encode(
+    surface: Surface, suffix: str, normals: Normals | None, albedo: np.ndarray | None, mm_per_px: float | None
+) -> bytes:
+    """The bytes of a mesh; it leaves out pixels without depth.
 
+    Every kind but .stl holds vertex normals, and colours where `albedo` is given: sRGB, linear in .glb as glTF wants
+    them. .obj and .glb hold the picture's coordinates, too: 0, 0 is its lower left corner, 1, 1 its upper right one.
+    """
     keep = surface.mask & np.isfinite(surface.depth)
     if not keep.any():
         raise InputError("the surface holds no depth; integrate normals that are known somewhere.")
-    surface = Surface(surface.depth, keep, surface.K)
-    mesh = trimesh.Trimesh(
-        vertices(surface),
-        faces(keep),
-        vertex_normals=None if normals is None else normals.map[keep].astype(np.float64),
-        vertex_colors=None if albedo is None else display(albedo)[keep],
-        process=False,
-        validate=False,
-    )
+    points = vertices(Surface(surface.depth, keep, surface.K)) * scale_of(surface, mm_per_px)
+    N = None if normals is None else normals.map[keep].astype(np.float64)
+    linear = None if albedo is None else albedo[keep]
+    if suffix == ".obj":
+        return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(keep))
+    import trimesh
+
+    colours = linear if linear is None or suffix == ".glb" else display(linear)
+    mesh = trimesh.Trimesh(points, faces(keep), vertex_normals=N, process=False, validate=False)
+    if suffix == ".glb":
+        mesh.visual = trimesh.visual.TextureVisuals(coordinates(keep), trimesh.visual.material.PBRMaterial())
+        if colours is not None:
+            mesh.visual.vertex_attributes["color"] = _with_alpha(np.rint(255 * np.nan_to_num(colours).clip(0, 1)))
+    elif colours is not None and suffix != ".stl":
+        mesh.visual.vertex_colors = colours
     buffer = io.BytesIO()
     mesh.export(buffer, file_type=suffix[1:])
     return buffer.getvalue()
 
 
-def display(linear: np.ndarray) -> np.ndarray:
-    """8-bit sRGB from linear values; what is above 1 is white."""
+def scale_of(surface: Surface, mm_per_px: float | None) -> float:
+    """What a depth's unit is in millimetres, where a pixel is `mm_per_px` wide at the mean depth; 1 without that."""
+    if mm_per_px is None:
+        return 1.0
+    return mm_per_px if surface.K is None else float(surface.K[0, 0]) * mm_per_px
+
+
+def coordinates(mask: np.ndarray) -> Float[np.ndarray, "v 2"]:
+    """Places of the mask's pixels in the picture: x to the right, y up, both from 0 to 1."""
+    row, column = np.nonzero(mask)
+    h, w = mask.shape
+    return np.stack([(column + 0.5) / w, 1 - (row + 0.5) / h], axis=-1)
+
+
+def _obj(
+    points: Float[np.ndarray, "v 3"],
+    triangles: Int[np.ndarray, "f 3"],
+    normals: Float[np.ndarray, "v 3"] | None,
+    colours: Float[np.ndarray, "v 3"] | None,
+    uv: Float[np.ndarray, "v 2"],
+) -> bytes:
+    """Wavefront OBJ with colours behind the positions, as MeshLab and Blender read them."""
+    rows = points if colours is None else np.concatenate([points, colours], axis=1)
+    parts = [_lines("v" + " %.6g" * rows.shape[1], rows), _lines("vt %.6g %.6g", uv)]
+    corner = "%d/%d"
+    if normals is not None:
+        parts.append(_lines("vn %.5g %.5g %.5g", normals))
+        corner = "%d/%d/%d"
+    parts.append(_lines(f"f {corner} {corner} {corner}", np.repeat(triangles + 1, corner.count("d"), axis=1)))
+    return "".join(parts).encode()
+
+
+def _lines(form: str, rows: np.ndarray) -> str:
+    """Each row by the form; in blocks, since numbers take ten times their size while they become text."""
+    blocks = (rows[k : k + BLOCK] for k in range(0, len(rows), BLOCK))
+    return "".join(((form + "\n") * len(block)) % tuple(block.ravel().tolist()) for block in blocks)
+
+
+def _with_alpha(colours: np.ndarray) -> np.ndarray:
+    return np.concatenate([colours, np.full((len(colours), 1), 255)], axis=1).astype(np.uint8)
+
+
+def display(linear: np.ndarray, full: int = 255) -> np.ndarray:
+    """8-bit sRGB from linear values, or 16-bit for a `full` scale of 65535; what is above 1 is white."""
     x = np.nan_to_num(linear).clip(0, 1)
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.rint(255 * encoded).astype(np.uint8)
+    return np.rint(full * encoded).astype(np.uint8 if full < 256 else np.uint16)
+
+
+def linear(encoded: np.ndarray) -> np.ndarray:
+    """Linear values from sRGB in [0, 1]."""
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)

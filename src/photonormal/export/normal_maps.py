@@ -1,81 +1,117 @@
-"""Normal maps as files. Frame: x right is red, y up is green (OpenGL), z to the camera is blue."""
+"""Normal maps as files: x right is red, y up is green (OpenGL), z to the camera is blue, or as the file tells."""
 
 from __future__ import annotations
 
 import io
 import os
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Bool
 
-from photonormal.files.decode import decode, full_scale
+from photonormal.export import foreign
+from photonormal.export.foreign import AUTO
+from photonormal.files.decode import KINDS, decode_all
 from photonormal.files.opening import read_npz
-from photonormal.png import encode_png
+from photonormal.files.remarks import remark
+from photonormal.geometry import FRAMES, from_frame, in_frame, known_frame
+from photonormal.png import encode_png, text
 from photonormal.types import InputError, Normals
 
+FRAME = "photonormal-frame"  # the remark in a file that tells the frame of its normals
 
-def png(normals: Normals) -> bytes:
+
+def png(normals: Normals, frame: str) -> bytes:
     """16-bit RGB, (n + 1) / 2; black outside the mask."""
-    value = np.rint((normals.map + 1) * 32767.5).astype(np.uint16)
+    value = np.rint((in_frame(normals.map, frame) + 1) * 32767.5).astype(np.uint16)
     value[~normals.mask] = 0
-    return encode_png(value)
+    return encode_png(value, text(FRAME, frame))
 
 
-def exr(normals: Normals) -> bytes:
+def exr(normals: Normals, frame: str) -> bytes:
     """32-bit float RGB, the vectors themselves."""
+    return encode_exr({"RGB": in_frame(normals.map, frame)}, {FRAME: frame})
+
+
+def encode_exr(channels: dict[str, np.ndarray], header: dict[str, str] | None = None) -> bytes:
+    """OpenEXR of float channels by their names, with attributes."""
     import OpenEXR
 
     with tempfile.TemporaryDirectory() as folder:  # the library writes to file names only
-        file = str(Path(folder) / "normals.exr")
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-        with OpenEXR.File(header, {"RGB": np.ascontiguousarray(normals.map)}) as image:
+        file = str(Path(folder) / "picture.exr")
+        about = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **(header or {})}
+        pixels = {name: np.ascontiguousarray(channel, np.float32) for name, channel in channels.items()}
+        with OpenEXR.File(about, pixels) as image:
             image.write(file)
         return Path(file).read_bytes()
 
 
-def npz(normals: Normals) -> bytes:
-    """`normals` float32 (h, w, 3), `mask` bool (h, w) and, where known, `expected_error_deg` float32 (h, w)."""
-    arrays = {"normals": normals.map, "mask": normals.mask}
+def npz(normals: Normals, frame: str) -> bytes:
+    """`normals` float32 (h, w, 3), `mask` bool (h, w) and, where known, `expected_error_deg` float32 (h, w); `axes`,
+    the frame's as photonormal.geometry.FRAMES has them, where it is not ours."""
+    arrays = {"normals": in_frame(normals.map, frame), "mask": normals.mask}
     if normals.expected_error_deg is not None:
         arrays["expected_error_deg"] = normals.expected_error_deg
+    if frame != "opengl":
+        arrays["axes"] = np.array(FRAMES[frame], np.int8)
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)  # type: ignore[arg-type]
     return buffer.getvalue()
 
 
 WRITERS = {".png": png, ".exr": exr, ".npz": npz}
+READ = (*KINDS, ".npz")
 
 
-def read(path: Path) -> Normals:
-    """Normals from a file of WRITERS' kinds, or from the `normals.npz` of a result folder."""
+def read(
+    path: Path,
+    frame: str,
+    channels: str,
+    mask: Bool[np.ndarray, "h w"] | None,
+    partial: bool,
+    tell: Callable[[str], object],
+) -> Normals:
+    """Normals from a file of one of the endings READ, or from the `normals.npz` of a result folder; in our frame."""
+    if channels not in foreign.CHANNELS:
+        raise InputError(f"no channels {channels[:40]!r}; choose from {', '.join(foreign.CHANNELS)}.")
     if path.is_dir():
         if not os.path.lexists(path / "normals.npz"):
             raise InputError(f"{path} holds no normals.npz; give a folder that `photonormal measure` wrote.")
         path = path / "normals.npz"
     if not os.path.lexists(path):
-        raise InputError(f"{path} does not exist; give normals as .npz, .png or .exr.")
+        raise InputError(f"{path} does not exist; give normals as .npz, .png, .exr or another picture.")
     suffix = path.suffix.lower()
-    if suffix not in WRITERS:
-        raise InputError(f"{path} ends in {suffix!r} but normals are read from {', '.join(WRITERS)}.")
+    if suffix not in READ:
+        raise InputError(f"{path} ends in {suffix!r} but normals are read from {', '.join(READ)}.")
     if suffix == ".npz":
-        return _read_npz(path)
-    map = decode(path)
-    if map.shape[2] != 3:
-        raise InputError(f"{path} is no colour picture; a normal map stores (n + 1) / 2 as red, green, blue.")
-    if suffix == ".png":
-        map = map / (full_scale(map) / 2) - 1
-    length = np.linalg.norm(map, axis=-1)
-    known = np.abs(length - 1) < 0.1  # black and mid-grey backgrounds are far from unit length
-    if not known.any():
-        raise InputError(f"{path} holds no unit vectors; a normal map stores (n + 1) / 2 as red, green, blue.")
-    unit = np.zeros(map.shape, np.float32)
-    unit[known] = map[known] / length[known][:, None]
-    return Normals(unit, known)
+        samples, told, ours = _arrays(path)
+    else:
+        samples, told, ours = decode_all(path, finite=False), remark(path, FRAME), None
+    if told is not None and frame not in (AUTO, told):
+        tell(f"{path}: it says that its frame is {told}, and is read as --frame {frame} nevertheless.")
+    if told is not None and frame == AUTO:
+        known_frame(told)
+        frame = told
+    if mask is not None and mask.shape != samples.shape[:2]:
+        raise InputError(f"the mask is {mask.shape} but {path} is {samples.shape[:2]}; give one of its size.")
+    if ours is None:
+        return foreign.judged(samples, path, frame, channels, mask, partial, tell)
+    kept = ours.mask if mask is None else ours.mask & mask
+    return Normals(ours.map if frame == AUTO else from_frame(ours.map, frame), kept, ours.expected_error_deg)
 
 
-def _read_npz(path: Path) -> Normals:
-    arrays = read_npz(path, "save them again", ("normals", "mask", "expected_error_deg"))
-    if not {"normals", "mask"} <= arrays.keys():
-        raise InputError(f"{path} holds {', '.join(arrays) or 'nothing'} but normals and mask are needed; save both.")
-    return Normals(arrays["normals"], arrays["mask"], arrays.get("expected_error_deg"))
+def _arrays(path: Path) -> tuple[np.ndarray, str | None, Normals | None]:
+    """The vectors of an .npz file, its frame where it tells it, and the normals as stored where their mask is there."""
+    arrays = read_npz(path, "save them again", ("normals", "mask", "expected_error_deg", "axes"))
+    if "normals" not in arrays:
+        raise InputError(f"{path} holds {', '.join(arrays) or 'no normals'} but normals are needed; save them so.")
+    axes = arrays["axes"].tolist() if "axes" in arrays else None
+    frame = next((name for name, known in FRAMES.items() if list(known) == axes), None)
+    if axes is not None and frame is None:
+        raise InputError(f"{path} tells axes {str(axes)[:60]} of no known frame; save it again.")
+    ours = Normals(arrays["normals"], arrays["mask"], arrays.get("expected_error_deg")) if "mask" in arrays else None
+    if arrays["normals"].ndim != 3 or arrays["normals"].shape[2] != 3:
+        raise InputError(f"the normals in {path} are {arrays['normals'].shape} but (h, w, 3) is needed; save them so.")
+    return arrays["normals"], frame, ours

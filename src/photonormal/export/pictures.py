@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.export.mesh import display
-from photonormal.files.decode import decode
+from photonormal.export.mesh import display, linear
+from photonormal.files.decode import decode, full_scale
+from photonormal.files.remarks import is_srgb
 from photonormal.types import InputError, Normals
 
 PREVIEW_HEIGHT = 480  # pixels; larger frames are reduced to it
@@ -41,8 +42,18 @@ def preview(
     return strip if scale >= 1 else cv2.resize(strip, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 
+def read_colours(path: Path, frame: tuple[int, int]) -> np.ndarray:
+    """Linear colours (h, w, 3) in [0, 1] of a picture of the size `frame`: an `albedo.png`, or any picture that people
+    look at, whose 8 bits are sRGB-encoded."""
+    value = decode(path, frame)
+    level = np.broadcast_to(value / np.float32(full_scale(value)), (*value.shape[:2], 3))
+    if value.dtype == np.uint8 or is_srgb(path):
+        level = linear(level)
+    return level.clip(0, 1)
+
+
 def read_albedo(path: Path) -> np.ndarray:
-    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32.
+    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32; it tells whether it is sRGB-encoded.
 
     Raises
     ------
@@ -52,7 +63,8 @@ def read_albedo(path: Path) -> np.ndarray:
     value = decode(path)
     if value.shape[2] != 3 or value.dtype != np.uint16:
         raise InputError(f"{path} is no 16-bit colour PNG; measure again.")
-    return value / np.float32(65535)
+    level = value / np.float32(65535)
+    return linear(level) if is_srgb(path) else level
 
 
 def relit(normals: Normals, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:

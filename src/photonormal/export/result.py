@@ -12,21 +12,26 @@ import numpy as np
 from photonormal.disk import Batch
 from photonormal.export import encoded
 from photonormal.export.folder import report
+from photonormal.export.mesh import display
 from photonormal.export.pictures import preview
-from photonormal.png import encode_png
+from photonormal.png import SRGB, encode_png
 from photonormal.score import colours, error_picture
 from photonormal.types import Normals, Result, Surface, cores
 
 
 def write_result(
-    result: Result, folder: Batch, frame: str = "opengl", read: dict[str, Any] | None = None
+    result: Result,
+    folder: Batch,
+    frame: str = "opengl",
+    read: dict[str, Any] | None = None,
+    linear_albedo: bool = False,
 ) -> dict[str, Any]:
     """Write a result into a folder, all files at the same time; returns the report, as written.
 
     normals.png and normals.npz, albedo.png, depth.npz and mesh.ply (where depth was found), preview.png,
     expected-error.png, error.png (where the truth is known) and report.json. `frame` is that of normals.png, a key of
     photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
-    `photonormal.capture.told` says it.
+    `photonormal.capture.told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
     """
     start = time.perf_counter()
     normals, surface = result.normals, result.surface
@@ -34,7 +39,11 @@ def write_result(
     def write(name: str, what: Normals | Surface, **how: Any) -> Callable[[], None]:
         return lambda: folder.write(name, encoded(what, name, **how))
 
-    jobs = [lambda: pictures(result, folder), write("normals.png", normals, frame=frame), write("normals.npz", normals)]
+    jobs = [
+        lambda: pictures(result, folder, linear_albedo),
+        write("normals.png", normals, frame=frame),
+        write("normals.npz", normals),
+    ]
     if surface is not None:
         jobs.append(write("depth.npz", surface))
         jobs.insert(0, write("mesh.ply", surface, normals=normals, albedo=shown_albedo(result)))
@@ -52,14 +61,17 @@ def shown_albedo(result: Result) -> np.ndarray | None:
     return result.albedo / (float(np.quantile(result.albedo[result.normals.mask], 0.99)) or 1.0)
 
 
-def pictures(result: Result, folder: Batch) -> None:
-    """albedo.png, preview.png, and maps of true and expected errors where they are known."""
+def pictures(result: Result, folder: Batch, linear_albedo: bool = False) -> None:
+    """albedo.png, sRGB-encoded unless it is to be linear, preview.png, and maps of true and expected errors where known."""
     capture, normals, albedo = result.capture, result.normals, shown_albedo(result)
     error = error_picture(normals, capture.truth) if capture.truth is not None else None
     if albedo is not None:
-        folder.write("albedo.png", encode_png(np.rint(65535 * albedo.clip(0, 1)).astype(np.uint16)))
-        shown = preview(photograph(result), normals, albedo, error)
-        folder.write("preview.png", encode_png(shown))
+        if linear_albedo:
+            shown = encode_png(np.rint(65535 * albedo.clip(0, 1)).astype(np.uint16))
+        else:
+            shown = encode_png(display(albedo, full=65535), SRGB)
+        folder.write("albedo.png", shown)
+        folder.write("preview.png", encode_png(preview(photograph(result), normals, albedo, error)))
     if error is not None:
         folder.write("error.png", encode_png(error))
     if normals.expected_error_deg is not None:

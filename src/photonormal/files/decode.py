@@ -56,8 +56,10 @@ def decode(path: Path, frame: tuple[int, int] | None = None, page: int | None = 
     return samples[..., : 1 if samples.shape[2] <= 2 else 3]
 
 
-def decode_all(path: Path, frame: tuple[int, int] | None = None, page: int | None = None) -> np.ndarray:
-    """As `decode`, with alpha where the file has it: (h, w, 1 to 4)."""
+def decode_all(
+    path: Path, frame: tuple[int, int] | None = None, page: int | None = None, finite: bool = True
+) -> np.ndarray:
+    """As `decode`, with alpha where the file has it: (h, w, 1 to 4); any float unless `finite`."""
     kind = _kind(path)
     which = {} if page is None else {"page": page}
     with _refusals(path), open_file(path) as file:
@@ -69,7 +71,7 @@ def decode_all(path: Path, frame: tuple[int, int] | None = None, page: int | Non
             raise damaged(path, word)
         if isinstance(result, Exception):
             raise result
-        return _checked(result, path)
+        return _checked(result, path, finite)
 
 
 def frame_of(path: Path, frame: tuple[int, int] | None = None, page: int | None = None) -> tuple[int, int]:
@@ -157,7 +159,7 @@ class _refusals:
         raise InputError(f"picture {path} can't be decoded ({reason_of(error)}); copy or export it again.") from None
 
 
-def _checked(picture: np.ndarray, path: Path) -> np.ndarray:
+def _checked(picture: np.ndarray, path: Path, finite: bool) -> np.ndarray:
     if picture.ndim == 2:
         picture = picture[..., None]
     if picture.ndim != 3 or picture.shape[2] not in (1, 2, 3, 4) or 0 in picture.shape:
@@ -172,7 +174,7 @@ def _checked(picture: np.ndarray, path: Path) -> np.ndarray:
     if kind.kind == "f":
         with np.errstate(over="ignore"):
             picture = picture.astype(np.float32, copy=False)
-        if not np.isfinite(picture).all():
+        if finite and not np.isfinite(picture).all():
             raise InputError(f"picture {path} holds NaN, infinite or huge samples; export it again without them.")
         return picture
     raise InputError(f"picture {path} holds {kind} but 8 or 16-bit integers or floats are needed; convert it.")

@@ -39,6 +39,15 @@ def _parts(file: BinaryIO) -> list[tuple[Any, int]]:
         return [(part.header["dataWindow"], max(1, len(part.header["channels"]))) for part in exr.parts]
 
 
+def attribute(file: BinaryIO, name: str) -> Any:
+    """An attribute of the first part, None where it lacks it."""
+    import OpenEXR
+
+    file.seek(0)
+    with OpenEXR.File(BytesIO(file.read(size_of(file))), header_only=True) as exr:
+        return exr.parts[0].header.get(name) if exr.parts else None
+
+
 def read(file: BinaryIO, path: Path) -> np.ndarray:
     """Samples (h, w) or (h, w, 3 or 4)."""
     import OpenEXR

@@ -14,6 +14,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "simchony": "photonormal.integrate.simchony:Simchony",
     "quadratic": "photonormal.integrate.quadratic:Quadratic",
     "bilateral": "photonormal.integrate.bilateral:Bilateral",
+    "periodic": "photonormal.integrate.periodic:Periodic",
 }
 
 DEFAULT = "quadratic"
@@ -38,7 +39,7 @@ def integrate(normals: Normals, method: str = DEFAULT, K: np.ndarray | None = No
     ----------
     normals : unit normals, x right, y up, z to the camera, on a mask that may have several parts and holes
     method : a key of METHODS. `simchony` is the fastest, for masks that nearly fill their rectangle; `quadratic` serves
-        any mask; `bilateral` lets the depth jump
+        any mask; `bilateral` lets the depth jump; `periodic` is for tiles, whose edges meet
     K : (3, 3) camera matrix of a perspective view in pixels (x right, y down, the first pixel's centre at (0, 0); a
         crop moves the principal point). None: an orthographic view
     options : the method's fields, by name

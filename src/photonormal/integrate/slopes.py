@@ -71,6 +71,14 @@ def slopes(normals: Normals, K: np.ndarray | None, grazing: float) -> Slopes:
     return Slopes(mask, np.where(mask, np.maximum(a, grazing), 0), np.stack([bx, by]), f)
 
 
+def steps(
+    b: Float[np.ndarray, "h w"], a: Float[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"], axis: int
+) -> Float[np.ndarray, "h w"]:
+    """As `Slopes.along_edges`, along one axis of a picture whose edges meet; zero where not `known`."""
+    total = a + np.roll(a, -1, axis)
+    return np.divide(b + np.roll(b, -1, axis), total, out=np.zeros(a.shape), where=known)
+
+
 def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], Bool[np.ndarray, "h1 w"]]:
     """Where a pixel and its right neighbour, and where a pixel and its lower neighbour, are both on the mask."""
     return mask[:, :-1] & mask[:, 1:], mask[:-1] & mask[1:]

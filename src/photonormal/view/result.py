@@ -14,12 +14,13 @@ from photonormal.capture import DEMO, load
 from photonormal.capture.images import MARGIN
 from photonormal.export import load_normals
 from photonormal.export.folder import REPORT
-from photonormal.export.mesh import display, read_depth
+from photonormal.export.heights import heights_px, read_depth
+from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
 from photonormal.options import NotNegative, Positive, Whole, check_value
 from photonormal.score import error_map_deg
 from photonormal.stored import read_json
-from photonormal.types import Capture, InputError, Surface, box_of
+from photonormal.types import Capture, InputError, box_of
 from photonormal.view.planes import (
     LEVELS_PER_DEGREE,
     UNIT,
@@ -162,11 +163,6 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
         "notes": [] if missing is None else [missing],
     }
     return Shown(name, layers, about, _add_photographs(about, photographs, box))
-
-
-def heights_px(surface: Surface) -> np.ndarray:
-    """Heights (h, w) towards the camera in pixels, NaN where there is none; a perspective view's mean depth is at 0."""
-    return surface.depth if surface.K is None else (1 - surface.depth) * surface.K[0, 0]
 
 
 def units() -> dict[str, int]:

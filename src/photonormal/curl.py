@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from jaxtyping import Bool, Float
 
-if TYPE_CHECKING:
-    from photonormal.check.frame import Frame
-
-STEP_DEG = 5  # of the turns tried
 STEEP = 0.25  # n_z below which slopes are not used
 SMOOTH = 2.0  # pixels over which slopes are averaged, since noise has a curl of its own
 LEAST = 200  # places where slopes are known at least
 PARTS = 8  # along each side, which have to agree
+
+
+class Turned(Protocol):
+    """Normals with y flipped if `mirrored`, then turned by `turn_deg` about the view axis."""
+
+    @property
+    def mirrored(self) -> bool: ...
+
+    @property
+    def turn_deg(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -63,24 +69,16 @@ class Curl:
         weight = np.minimum(size, np.quantile(size, 0.9)) / np.maximum(size, 1e-12)
         return cls(A, B, weight / max(float((weight * size).sum()), 1e-12), part)
 
-    def at(self, frame: Frame) -> Float[np.ndarray, " m"]:
+    def at(self, frame: Turned) -> Float[np.ndarray, " m"]:
         """Weighted, at each place; half a turn changes nothing."""
         a, k = np.radians(frame.turn_deg), int(frame.mirrored)
         return self.weight * np.abs(self.A[k] * np.cos(a) - self.B[k] * np.sin(a))
 
-    def total(self, frame: Frame) -> float:
+    def total(self, frame: Turned) -> float:
         """0: a surface's, to 1."""
         return float(self.at(frame).sum())
 
-    def lowest(self, least_deg: int) -> Frame:
-        """The frame of least curl among mirrored ones and turns of at least so much, half turns aside."""
-        from photonormal.check.frame import Frame
-
-        tried = [Frame(True, deg) for deg in range(0, 180, STEP_DEG)]
-        tried += [Frame(False, deg) for deg in range(least_deg, 181 - least_deg, STEP_DEG)]
-        return min(tried, key=self.total)
-
-    def certainty(self, worse: Frame, better: Frame) -> float:
+    def certainty(self, worse: Turned, better: Turned) -> float:
         """By how many standard errors the curl is less in the parts of the picture, each counted up to the usual."""
         gain = np.bincount(self.part, self.at(worse) - self.at(better))
         most = 3 * float(np.median(np.abs(gain)))

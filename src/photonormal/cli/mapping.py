@@ -1,0 +1,146 @@
+"""Commands from normal maps: scored, integrated, in another frame or format."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import OmitArgPrefixes, Positional
+
+from photonormal.cli.kinds import File, Millimetres, tell
+from photonormal.options import Frame
+from photonormal.types import InputError, Normals
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What the normal map's numbers mean, where it does not tell."""
+
+    channels: Literal["auto", "xyz", "xy", "wy"] = "auto"
+    """Which channels hold x, y and z: xyz (red, green, blue); xy, or wy (alpha and green), from which z is found."""
+    partial: bool = False
+    """Go on where less than 90 % of the pixels that are no background hold a normal."""
+
+    def normals(self, path: Path, frame: str, mask: Path | None = None) -> Normals:
+        """Those of a file or a result folder; what is found out about them is told."""
+        from photonormal.capture.images import read_mask
+        from photonormal.export import load_normals
+
+        shown = None if mask is None else read_mask(mask)
+        return load_normals(path, frame, self.channels, shown, self.partial, tell)
+
+
+MapFrame = Literal["auto", "opengl", "directx", "y-down", "z-away", "blender"]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Angular error of a result against the true normals of its capture."""
+
+    capture: Positional[Path]
+    """The capture, with ground truth."""
+    result: Positional[Path]
+    """Folder that `measure` wrote, or a normal map (.npz, .npy, or a picture)."""
+    format: str = "auto"
+    """Layout of the capture."""
+    frame: MapFrame = "auto"
+    """Frame of the result's normals; auto: what the file tells, or its curl."""
+    json: bool = False
+    """Print one JSON object."""
+    reading: OmitArgPrefixes[Reading] = Reading()
+
+    def __call__(self) -> int:
+        from photonormal.capture import load
+        from photonormal.score import score
+
+        truth = load(self.capture, format=self.format).truth
+        if truth is None:
+            raise InputError(f"{self.capture} has no true normals to score against; add Normal_gt.mat.")
+        result = score(self.reading.normals(self.result, self.frame), truth).as_dict()
+        if self.json:
+            print(json.dumps(result))
+        else:
+            print(
+                f"mean {result['mean_deg']:.2f}, median {result['median_deg']:.2f} degrees; "
+                f"{result['below_15']:.1f} % below 15, {result['below_30']:.1f} % below 30 ({result['pixels']} pixels)"
+            )
+        return 0
+
+
+@dataclass(frozen=True)
+class Integrate:
+    """Depth, heights or a mesh from a normal map."""
+
+    normals: Positional[Path]
+    """Normal map (.npz, .npy, or a picture), or a folder that `measure` wrote."""
+    out: Path
+    """File to write: .npz (depth), .png, .tif (16-bit heights), .exr (float ones), .ply, .obj, .glb or .stl (mesh)."""
+    method: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
+    """simchony is the fastest, for masks that nearly fill the picture; bilateral lets the depth jump."""
+    tile: bool = False
+    """The map repeats: its right edge meets its left one, and its lower edge its upper one; in place of a method."""
+    mask: File = None
+    """Picture, white where the map is to be integrated."""
+    mm_per_px: Millimetres = None
+    """Millimetres that a pixel is wide: what is written is in millimetres, else in pixels."""
+    camera: File = None
+    """Text file with the 3 x 3 camera matrix in pixels, for a perspective view."""
+    albedo: File = None
+    """Picture of the surface's colours, for meshes; of a result folder its own is taken."""
+    frame: MapFrame = "auto"
+    """Frame of the map: opengl (green up), directx (green down), y-down (and z away), z-away (green up, z away),
+    blender (world space seen from the front: y away, z up); auto: what the file tells, or its curl."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+    reading: OmitArgPrefixes[Reading] = Reading()
+
+    def __call__(self) -> int:
+        from photonormal.disk import refuse_taken
+        from photonormal.export import save
+        from photonormal.export.pictures import read_colours
+        from photonormal.integrate import integrate
+        from photonormal.measure import read_camera
+        from photonormal.progress import progress
+
+        refuse_taken([self.out], self.overwrite, [p for p in (self.normals, self.mask, self.albedo) if p is not None])
+        if self.tile and self.method != "quadratic":
+            raise InputError(f"--tile and --method {self.method} came but a tile has a method of its own; give one.")
+        normals = self.reading.normals(self.normals, self.frame, self.mask)
+        own = self.normals / "albedo.png"
+        colours = self.albedo if self.albedo is not None else own if own.is_file() else None
+        albedo = None if colours is None else read_colours(colours, normals.mask.shape)
+        method = "periodic" if self.tile else self.method
+        with progress(f"depth by {method}"):
+            surface = integrate(normals, method, K=read_camera(self.camera))
+        print(save(surface, self.out, normals, albedo, mm_per_px=self.mm_per_px))
+        return 0
+
+
+@dataclass(frozen=True)
+class Convert:
+    """A normal map in another frame or another format."""
+
+    normals: Positional[Path]
+    """Normal map (.npz, .npy, or a picture), or a folder that `measure` wrote."""
+    out: Path
+    """File to write: .png (16-bit), .exr or .npz; it tells its frame."""
+    from_frame: MapFrame = "auto"
+    """Frame of NORMALS, as for `integrate --frame`; auto: what the file tells, or its curl."""
+    frame: Annotated[Frame, tyro.conf.arg()] = "opengl"
+    """Frame of what is written: opengl (green up), directx (green down), y-down, z-away or blender."""
+    mask: File = None
+    """Picture, white where the normals are to be kept."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+    reading: OmitArgPrefixes[Reading] = Reading()
+
+    def __call__(self) -> int:
+        from photonormal.disk import refuse_taken
+        from photonormal.export import save
+
+        refuse_taken([self.out], self.overwrite, [p for p in (self.normals, self.mask) if p is not None])
+        print(save(self.reading.normals(self.normals, self.from_frame, self.mask), self.out, frame=self.frame))
+        return 0

@@ -32,7 +32,7 @@ def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3
 def from_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
     """Vectors of the frame called `name` in ours."""
     axes = np.array(known_frame(name))
-    return (v * np.sign(axes).astype(v.dtype))[..., np.argsort(abs(axes))]
+    return (v * np.sign(axes).astype(v.dtype)).take(np.argsort(abs(axes)), axis=-1)
 
 
 def normalised(v: Float[np.ndarray, "*b 3"]) -> Float[np.ndarray, "*b 3"]:

@@ -83,7 +83,7 @@ def judged(
     holds = (length < LONGEST) & (length > 0) & (p[:, 2] > BEHIND * length)
     kept = known.copy()
     kept[known] = holds
-    _refuse_few(float(holds.mean()), p, path, partial)
+    _refuse_few(float((holds & (p[:, 2] > 0)).mean()), p, path, partial)
     map = np.zeros((*known.shape, 3), np.float32)
     map[kept] = normalised(p[holds].astype(np.float64))
     if frame == AUTO and _certainly(map, kept, worse=AS_IT_IS, better=FLIPPED):
@@ -122,14 +122,16 @@ def _with_z(xy: Float[np.ndarray, "p 2"]) -> Float[np.ndarray, "p 3"]:
 def _refuse_grey(p: Float[np.ndarray, "p c"], path: Path) -> None:
     if p.shape[1] == 3 and float((np.ptp(p, axis=-1) < SCATTER).mean()) > 0.99:
         raise InputError(
-            f"{path} is grey: a height map or a mask, no normal map, which stores (n + 1) / 2 as red, green, blue."
+            f"{path} is grey: a height map or a mask, no normal map; give one, which stores (n + 1) / 2 as red, "
+            "green, blue."
         )
 
 
 def _right_z(p: Float[np.ndarray, "p 3"], known: np.ndarray, path: Path, tell: Callable) -> Float[np.ndarray, "p 3"]:
     """Vectors whose z is what blue stores: z, or (z + 1) / 2; InputError where it stores neither."""
     r = np.linalg.norm(p[:, :2], axis=-1)
-    if float(np.ptp(p[:, 2])) < SCATTER and float(np.quantile(r, 0.9)) > LEVEL:
+    low, high = np.quantile(p, [0.05, 0.95], axis=0)
+    if float(np.ptp(p[:, 2])) < SCATTER and float((high - low)[:2].max()) > LEVEL:
         raise _no_blue(path, "is the same everywhere")
     steep = r > min(LEVEL, float(np.quantile(r, 0.5)))
     off = float(np.median(np.abs(np.linalg.norm(p[steep], axis=-1) - 1))) if steep.any() else 0.0
@@ -147,8 +149,8 @@ def _right_z(p: Float[np.ndarray, "p 3"], known: np.ndarray, path: Path, tell: C
 
 def _no_blue(path: Path, what: str) -> InputError:
     return InputError(
-        f"{path}: blue {what}, so it holds no z; --channels xy takes x and y from red and green and finds z, "
-        "--channels xyz reads blue all the same."
+        f"{path}: blue {what}, so it holds no z, or this is no normal map; --channels xy takes x and y from red and "
+        "green and finds z, --channels xyz reads blue all the same."
     )
 
 

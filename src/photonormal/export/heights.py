@@ -52,7 +52,7 @@ def depth_npz(surface: Surface, mm_per_px: float | None = None) -> bytes:
     buffer = io.BytesIO()
     about: dict[str, np.ndarray] = {} if surface.K is None else {"K": surface.K}
     if mm_per_px is not None:
-        about["mm_per_px"] = np.float64(mm_per_px)[()]
+        about["mm_per_px"] = np.array(mm_per_px)
     depth = (surface.depth * scale_of(surface, mm_per_px)).astype(np.float32)
     np.savez(buffer, allow_pickle=False, depth=depth, mask=surface.mask, **about)
     return buffer.getvalue()

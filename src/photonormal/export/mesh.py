@@ -58,15 +58,17 @@ def encode(
     if suffix == ".obj":
         return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(keep))
     import trimesh
+    from trimesh.visual import ColorVisuals, TextureVisuals
+    from trimesh.visual.material import PBRMaterial
 
     colours = linear if linear is None or suffix == ".glb" else display(linear)
     mesh = trimesh.Trimesh(points, faces(keep), vertex_normals=N, process=False, validate=False)
     if suffix == ".glb":
-        mesh.visual = trimesh.visual.TextureVisuals(coordinates(keep), trimesh.visual.material.PBRMaterial())
+        mesh.visual = look = TextureVisuals(coordinates(keep), PBRMaterial())
         if colours is not None:
-            mesh.visual.vertex_attributes["color"] = _with_alpha(np.rint(255 * np.nan_to_num(colours).clip(0, 1)))
+            look.vertex_attributes["color"] = _with_alpha(np.rint(255 * np.nan_to_num(colours).clip(0, 1)))
     elif colours is not None and suffix != ".stl":
-        mesh.visual.vertex_colors = colours
+        mesh.visual = ColorVisuals(mesh, vertex_colors=colours)
     buffer = io.BytesIO()
     mesh.export(buffer, file_type=suffix[1:])
     return buffer.getvalue()

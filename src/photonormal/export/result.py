@@ -62,7 +62,7 @@ def shown_albedo(result: Result) -> np.ndarray | None:
 
 
 def pictures(result: Result, folder: Batch, linear_albedo: bool = False) -> None:
-    """albedo.png, sRGB-encoded unless it is to be linear, preview.png, and maps of true and expected errors where known."""
+    """albedo.png, sRGB-encoded unless it is to be linear, preview.png, maps of true and expected errors where known."""
     capture, normals, albedo = result.capture, result.normals, shown_albedo(result)
     error = error_picture(normals, capture.truth) if capture.truth is not None else None
     if albedo is not None:

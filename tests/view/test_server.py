@@ -3,6 +3,7 @@
 import http.client
 import re
 import socket
+import sys
 from urllib.parse import urlsplit
 
 import pytest
@@ -68,3 +69,11 @@ def test_a_port_that_is_taken_is_told():
 def test_a_port_that_is_none_is_told(result, run):
     code, _, err = run("view", result, "--port", "99999", "--no-browser")
     assert code == 2 and "--port 99999" in err and len(err.splitlines()) == 1
+
+
+def test_what_is_missing_is_named(result, run, monkeypatch):
+    for name in [n for n in sys.modules if n.startswith("photonormal.view.server")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "fastapi", None)
+    code, _, err = run("view", result, "--no-browser")
+    assert code == 2 and "pip install 'photonormal[view]'" in err and len(err.splitlines()) == 1

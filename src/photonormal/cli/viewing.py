@@ -53,5 +53,5 @@ class Export:
         path, reduced = export_page(self.result, self.page, self.capture, self.mm_per_px, self.overwrite)
         print(path)
         if reduced > 1:
-            print(f"The result is larger than about 4 megapixels: the file holds it at 1/{reduced} of its size.")
+            print(f"The result is larger than 6 megapixels: the file holds it at 1/{reduced} of its size.")
         return 0

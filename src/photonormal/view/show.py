@@ -14,20 +14,10 @@ from photonormal.view.planes import SIDE, evenly
 from photonormal.view.result import Shown, open_result, units
 
 SCRIPTS = (
-    "base",
-    "source",
-    "gl",
-    "shading",
-    "tiles",
-    "picture",
-    "surface",
-    "light",
-    "measure",
-    "view",
-    "input",
-    "plain",
+    *("base", "source", "gl", "shading", "tiles", "picture", "surface", "light", "measure"),
+    *("view", "labels", "input", "pointer", "plain"),
 )
-FILE_PIXELS = 4.2e6  # of a result inside one file; larger ones are reduced
+FILE_PIXELS = 6e6  # of a result inside one file; larger ones are reduced
 PHOTOGRAPHS = 12  # inside one file
 PHOTOGRAPH_SIDE = 1024  # pixels of the longest side of them
 

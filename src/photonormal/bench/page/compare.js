@@ -11,7 +11,8 @@ const compare = {
     const found = [["photograph", object.photograph, null, null]];
     if (object.truth) found.push(["true normals", object.truth, null, null]);
     for (const [name, m] of Object.entries(object.methods)) found.push([`normals: ${name}`, m.normals, null, m.score]);
-    for (const [name, m] of Object.entries(object.methods)) if (m.error) found.push([`error: ${name}`, m.error, true, m.score]);
+    for (const [name, m] of Object.entries(object.methods))
+      if (m.error) found.push([`error: ${name}`, m.error, true, m.score]);
     return found;
   },
 
@@ -43,8 +44,12 @@ const compare = {
   },
 
   async draw() {
-    const object = this.object, asked = ++this.asked;
-    for (const [side, canvas] of [["left", at("under")], ["right", at("over")]]) {
+    const object = this.object,
+      asked = ++this.asked;
+    for (const [side, canvas] of [
+      ["left", at("under")],
+      ["right", at("over")],
+    ]) {
       const [name, address, error, score] = this.layers(object).find((l) => l[0] === at(side).value);
       const image = await this.picture(address);
       if (asked !== this.asked) return; // something else was chosen meanwhile
@@ -54,7 +59,8 @@ const compare = {
       pen.drawImage(image, 0, 0, object.width, object.height);
       let levels = null;
       if (error) {
-        const pixels = pen.getImageData(0, 0, canvas.width, canvas.height), limit = Number(at("limit").value);
+        const pixels = pen.getImageData(0, 0, canvas.width, canvas.height),
+          limit = Number(at("limit").value);
         levels = new Uint8Array(pixels.data.length / 4);
         for (let i = 0; i < levels.length; i++) {
           levels[i] = pixels.data[4 * i];
@@ -80,7 +86,8 @@ const compare = {
 
   bar() {
     at("limit-said").value = `${at("limit").value}°`;
-    const pen = at("bar").getContext("2d"), shown = Object.values(this.sides).some((s) => s.levels);
+    const pen = at("bar").getContext("2d"),
+      shown = Object.values(this.sides).some((s) => s.levels);
     at("bar").style.visibility = shown ? "visible" : "hidden";
     for (let i = 0; i < 256; i++) {
       pen.fillStyle = `rgb(${ramp[3 * i]},${ramp[3 * i + 1]},${ramp[3 * i + 2]})`;
@@ -111,9 +118,14 @@ if (data.objects.length) {
   at("wipe").addEventListener("input", () => compare.wipe());
   at("stage").addEventListener("pointermove", (e) => {
     const box = at("stage").getBoundingClientRect();
-    const x = (e.clientX - box.left) / box.width, y = (e.clientY - box.top) / box.height, o = compare.object;
+    const x = (e.clientX - box.left) / box.width,
+      y = (e.clientY - box.top) / box.height,
+      o = compare.object;
     if (x < 0 || y < 0 || x >= 1 || y >= 1) return;
-    if (e.buttons) { at("wipe").value = 100 * x; compare.wipe(); }
+    if (e.buttons) {
+      at("wipe").value = 100 * x;
+      compare.wipe();
+    }
     compare.say(Math.floor(y * o.height) * o.width + Math.floor(x * o.width));
   });
   at("stage").addEventListener("pointerdown", (e) => {

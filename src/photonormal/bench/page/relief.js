@@ -3,17 +3,24 @@ const relief = {
   look: { mode: "matt", light: [-0.45, 0.5, 0.74], exposure: 1, gloss: 0, sharpness: 40, raking: 12 },
 
   start() {
-    const canvas = at("surface"), gl = glOf(canvas);
+    const canvas = at("surface"),
+      gl = glOf(canvas);
     if (!gl) return false;
     this.surface = new Surface(gl);
     gl.clearColor(1, 1, 1, 1);
     canvas.addEventListener("pointerdown", (e) => canvas.setPointerCapture(e.pointerId));
-    canvas.addEventListener("pointermove", (e) => { if (e.buttons) this.turn(e.movementX / 120, e.movementY / 120); });
-    canvas.addEventListener("wheel", (e) => {
-      e.preventDefault();
-      this.surface.zoom = Math.max(0.3, Math.min(8, this.surface.zoom * Math.exp(-e.deltaY / 600)));
-      this.draw();
-    }, { passive: false });
+    canvas.addEventListener("pointermove", (e) => {
+      if (e.buttons) this.turn(e.movementX / 120, e.movementY / 120);
+    });
+    canvas.addEventListener(
+      "wheel",
+      (e) => {
+        e.preventDefault();
+        this.surface.zoom = Math.max(0.3, Math.min(8, this.surface.zoom * Math.exp(-e.deltaY / 600)));
+        this.draw();
+      },
+      { passive: false },
+    );
     canvas.addEventListener("keydown", (e) => {
       const step = { ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] }[e.key];
       if (!step) return;
@@ -29,8 +36,10 @@ const relief = {
     this.draw();
   },
 
-  async show(s, picture) { // s: heights as bench/page/layers.py has them; picture: the method's normals in colours
-    const canvas = at("surface"), said = at("surface-said");
+  async show(s, picture) {
+    // s: heights as bench/page/layers.py has them; picture: the method's normals in colours
+    const canvas = at("surface"),
+      said = at("surface-said");
     canvas.parentElement.hidden = !s;
     if (!s) return;
     if (!this.surface && !this.start()) {
@@ -38,8 +47,13 @@ const relief = {
       return;
     }
     said.textContent = `Surface integrated from the normals of ${s.method}. Drag or use the arrow keys to turn it, the wheel to zoom.`;
-    const { width: w, height: h } = s, level = new Uint16Array(bytesOfText(s.levels).buffer);
-    this.surface.shape(w, h, Float32Array.from(level, (v) => (v ? ((v - 1) / 65534 - 0.5) * s.range : NaN)));
+    const { width: w, height: h } = s,
+      level = new Uint16Array(bytesOfText(s.levels).buffer);
+    this.surface.shape(
+      w,
+      h,
+      Float32Array.from(level, (v) => (v ? ((v - 1) / 65534 - 0.5) * s.range : NaN)),
+    );
     this.size = [w, h];
     this.surface.normals(w, h, await this.vectors(picture, level, w, h));
     Object.assign(this.surface, { turn: 0.6, tilt: 0.35, zoom: 1 });
@@ -47,18 +61,23 @@ const relief = {
     document.body.dataset.surface = String(this.surface.count / 3);
   },
 
-  async vectors(picture, level, w, h) { // with a rim of one pixel, zero where there is no height
+  async vectors(picture, level, w, h) {
+    // with a rim of one pixel, zero where there is no height
     const pen = new OffscreenCanvas(w, h).getContext("2d");
     pen.imageSmoothingEnabled = false; // the white around the object must not mix in
     pen.drawImage(await picture, 0, 0, w, h);
-    const colours = pen.getImageData(0, 0, w, h).data, found = new Float32Array(3 * (w + 2) * (h + 2));
-    for (let y = 0, i = 0; y < h; y++) for (let x = 0; x < w; x++, i++)
-      if (level[i]) for (let c = 0; c < 3; c++) found[3 * ((y + 1) * (w + 2) + x + 1) + c] = colours[4 * i + c] / 127.5 - 1;
+    const colours = pen.getImageData(0, 0, w, h).data,
+      found = new Float32Array(3 * (w + 2) * (h + 2));
+    for (let y = 0, i = 0; y < h; y++)
+      for (let x = 0; x < w; x++, i++)
+        if (level[i])
+          for (let c = 0; c < 3; c++) found[3 * ((y + 1) * (w + 2) + x + 1) + c] = colours[4 * i + c] / 127.5 - 1;
     return found;
   },
 
   draw() {
-    const { gl } = this.surface, { drawingBufferWidth: w, drawingBufferHeight: h } = gl;
+    const { gl } = this.surface,
+      { drawingBufferWidth: w, drawingBufferHeight: h } = gl;
     gl.clear(gl.COLOR_BUFFER_BIT);
     this.surface.draw({ x: 0, y: 0, w, h }, this.look, false, this.size);
   },

@@ -2,5 +2,9 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const at = (id) => document.getElementById(id);
 const bytesOfText = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-window.addEventListener("error", (e) => { document.body.dataset.error = e.message; });
-window.addEventListener("unhandledrejection", (e) => { document.body.dataset.error = String(e.reason); });
+window.addEventListener("error", (e) => {
+  document.body.dataset.error = e.message;
+});
+window.addEventListener("unhandledrejection", (e) => {
+  document.body.dataset.error = String(e.reason);
+});

@@ -1,6 +1,7 @@
 // The mask as a canvas that is opaque where the object is not.
 const brush = {
-  undone: [], changed: false,
+  undone: [],
+  changed: false,
 
   async start([w, h]) {
     this.canvas = Object.assign(document.createElement("canvas"), { width: w, height: h });
@@ -14,12 +15,14 @@ const brush = {
 
   fill(inside) {
     this.keep();
-    const { width: w, height: h } = this.canvas, image = new ImageData(w, h);
+    const { width: w, height: h } = this.canvas,
+      image = new ImageData(w, h);
     for (let i = 0; i < w * h; i++) if (!inside(i)) image.data.set([20, 40, 130, 255], 4 * i);
     this.pen.putImageData(image, 0, 0);
   },
 
-  keep() { // for undoing
+  keep() {
+    // for undoing
     this.changed = true;
     this.undone.push(this.pen.getImageData(0, 0, this.canvas.width, this.canvas.height));
     if (this.undone.length > 12) this.undone.shift();
@@ -30,7 +33,8 @@ const brush = {
     if (before) this.pen.putImageData(before, 0, 0);
   },
 
-  stroke([x0, y0], [x1, y1], width, paint) { // on the object, or off it
+  stroke([x0, y0], [x1, y1], width, paint) {
+    // on the object, or off it
     const { pen } = this;
     pen.globalCompositeOperation = paint ? "destination-out" : "source-over";
     pen.strokeStyle = "rgb(20, 40, 130)";
@@ -43,12 +47,15 @@ const brush = {
     pen.globalCompositeOperation = "source-over";
   },
 
-  inside() { // 1 on the object
-    const { width: w, height: h } = this.canvas, { data: pixels } = this.pen.getImageData(0, 0, w, h);
+  inside() {
+    // 1 on the object
+    const { width: w, height: h } = this.canvas,
+      { data: pixels } = this.pen.getImageData(0, 0, w, h);
     return Uint8Array.from({ length: w * h }, (_, i) => (pixels[4 * i + 3] < 128 ? 1 : 0));
   },
 
-  async text() { // as the program reads it
+  async text() {
+    // as the program reads it
     const stream = new Blob([this.inside()]).stream().pipeThrough(new CompressionStream("deflate"));
     const bytes = new Uint8Array(await new Response(stream).arrayBuffer());
     let text = "";

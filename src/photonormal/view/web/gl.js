@@ -5,7 +5,10 @@ class Program {
   constructor(gl, vertex, fragment) {
     this.gl = gl;
     this.program = gl.createProgram();
-    for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+    for (const [kind, text] of [
+      [gl.VERTEX_SHADER, vertex],
+      [gl.FRAGMENT_SHADER, fragment],
+    ]) {
       const shader = gl.createShader(kind);
       gl.shaderSource(shader, `#version 300 es\nprecision highp float;\nprecision highp int;\n${text}`);
       gl.compileShader(shader);
@@ -17,9 +20,12 @@ class Program {
     this.places = new Map();
   }
 
-  use() { this.gl.useProgram(this.program); }
+  use() {
+    this.gl.useProgram(this.program);
+  }
 
-  set(values) { // numbers, arrays of two, three or nine of them, and whole numbers as { int }
+  set(values) {
+    // numbers, arrays of two, three or nine of them, and whole numbers as { int }
     const gl = this.gl;
     for (const [name, value] of Object.entries(values)) {
       if (!this.places.has(name)) this.places.set(name, gl.getUniformLocation(this.program, name));
@@ -33,7 +39,8 @@ class Program {
 }
 
 function textureOf(gl, smooth) {
-  const texture = gl.createTexture(), filter = smooth ? gl.LINEAR : gl.NEAREST;
+  const texture = gl.createTexture(),
+    filter = smooth ? gl.LINEAR : gl.NEAREST;
   gl.bindTexture(gl.TEXTURE_2D, texture);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);

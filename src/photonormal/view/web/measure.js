@@ -2,50 +2,79 @@
 const measure = {
   // The stored numbers of a layer at a pixel of the result, from its largest size here; null where there are none.
   async stored(pane, layer, x, y, level = pane.about.first) {
-    const px = Math.floor((x + 0.5) / 2 ** level), py = Math.floor((y + 0.5) / 2 ** level), [w, h] = pane.about.sizes[level];
+    const px = Math.floor((x + 0.5) / 2 ** level),
+      py = Math.floor((y + 0.5) / 2 ** level),
+      [w, h] = pane.about.sizes[level];
     if (px < 0 || py < 0 || px >= w || py >= h) return null;
-    const tx = Math.floor(px / SIDE), ty = Math.floor(py / SIDE);
+    const tx = Math.floor(px / SIDE),
+      ty = Math.floor(py / SIDE);
     const tile = await page.tiles.whole(pane.index, pane.about, layer, level, tx, ty);
     if (!tile.values) return null;
-    const c = tile.values.length / (tile.w * tile.h), i = c * ((py - ty * SIDE + 1) * tile.w + px - tx * SIDE + 1);
+    const c = tile.values.length / (tile.w * tile.h),
+      i = c * ((py - ty * SIDE + 1) * tile.w + px - tx * SIDE + 1);
     return Array.from(tile.values.subarray(i, i + c));
   },
 
   height: (about, level) => (level ? about.relief.low + (level - 1) * about.relief.step : NaN), // in pixels
 
-  length(about, px) { // with its unit
-    const mm = about.mm_per_px, v = mm ? px * mm : px, size = Math.abs(v);
+  length(about, px) {
+    // with its unit
+    const mm = about.mm_per_px,
+      v = mm ? px * mm : px,
+      size = Math.abs(v);
     return `${v.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : 2)} ${mm ? "mm" : "px"}`;
   },
 
-  async values(pane, x, y) { // rows of names and texts
-    const { about } = pane, rows = [["Pixel", `${Math.floor(x) + about.origin[0]}, ${Math.floor(y) + about.origin[1]}`]];
+  async values(pane, x, y) {
+    // rows of names and texts
+    const { about } = pane,
+      rows = [["Pixel", `${Math.floor(x) + about.origin[0]}, ${Math.floor(y) + about.origin[1]}`]];
     const normal = await this.stored(pane, "normals", Math.floor(x), Math.floor(y));
     if (!normal || !normal.some(Boolean)) return [...rows, ["", "outside the object"]];
-    const size = Math.hypot(...normal), n = normal.map((v) => v / size);
+    const size = Math.hypot(...normal),
+      n = normal.map((v) => v / size);
     rows.push(["Normal", n.map((v) => v.toFixed(3)).join(", ")]);
     rows.push(["Slope", `${((Math.acos(Math.min(1, n[2])) * 180) / Math.PI).toFixed(1)}°`]);
     if (about.relief) {
       const [level] = await this.stored(pane, "height", Math.floor(x), Math.floor(y));
       rows.push(["Height", level ? this.length(about, this.height(about, level)) : "not known"]);
     }
-    for (const layer of ["expected", "error"]) if (about.layers[layer]) {
-      const [level] = await this.stored(pane, layer, Math.floor(x), Math.floor(y));
-      rows.push([LAYERS[layer], level === data.unknown ? "not known" : `${(level / data.levels_per_degree).toFixed(1)}°`]);
-    }
+    for (const layer of ["expected", "error"])
+      if (about.layers[layer]) {
+        const [level] = await this.stored(pane, layer, Math.floor(x), Math.floor(y));
+        rows.push([
+          LAYERS[layer],
+          level === data.unknown ? "not known" : `${(level / data.levels_per_degree).toFixed(1)}°`,
+        ]);
+      }
     return rows;
   },
 
   // Places and heights along a line, in pixels; heights are NaN where one of the four pixels around has none.
   async profile(pane, [x0, y0], [x1, y1]) {
-    const { about } = pane, length = Math.hypot(x1 - x0, y1 - y0);
-    const level = Math.max(about.first, Math.min(about.sizes.length - 1, Math.ceil(Math.log2(Math.max(1, length / 1024)))));
-    const count = Math.max(2, Math.min(1025, Math.ceil(length / 2 ** level) + 1)), found = [];
+    const { about } = pane,
+      length = Math.hypot(x1 - x0, y1 - y0);
+    const level = Math.max(
+      about.first,
+      Math.min(about.sizes.length - 1, Math.ceil(Math.log2(Math.max(1, length / 1024)))),
+    );
+    const count = Math.max(2, Math.min(1025, Math.ceil(length / 2 ** level) + 1)),
+      found = [];
     for (let k = 0; k < count; k++) {
-      const t = k / (count - 1), x = (x0 + t * (x1 - x0)) / 2 ** level - 0.5, y = (y0 + t * (y1 - y0)) / 2 ** level - 0.5;
-      const a = Math.floor(x), b = Math.floor(y), u = x - a, v = y - b;
+      const t = k / (count - 1),
+        x = (x0 + t * (x1 - x0)) / 2 ** level - 0.5,
+        y = (y0 + t * (y1 - y0)) / 2 ** level - 0.5;
+      const a = Math.floor(x),
+        b = Math.floor(y),
+        u = x - a,
+        v = y - b;
       let height = 0;
-      for (const [dx, dy, part] of [[0, 0, (1 - u) * (1 - v)], [1, 0, u * (1 - v)], [0, 1, (1 - u) * v], [1, 1, u * v]]) {
+      for (const [dx, dy, part] of [
+        [0, 0, (1 - u) * (1 - v)],
+        [1, 0, u * (1 - v)],
+        [0, 1, (1 - u) * v],
+        [1, 1, u * v],
+      ]) {
         if (part < 1e-9) continue;
         const one = await this.stored(pane, "height", (a + dx) * 2 ** level, (b + dy) * 2 ** level, level);
         height += part * (one ? this.height(about, one[0]) : NaN);
@@ -55,8 +84,11 @@ const measure = {
     return found;
   },
 
-  async show(pane, line) { // draws the chart
-    const rows = await this.profile(pane, ...line), known = rows.filter(([, z]) => z === z), { about } = pane;
+  async show(pane, line) {
+    // draws the chart
+    const rows = await this.profile(pane, ...line),
+      known = rows.filter(([, z]) => z === z),
+      { about } = pane;
     at("profile").hidden = false;
     const length = rows[rows.length - 1][0];
     if (known.length < 2) {
@@ -64,29 +96,56 @@ const measure = {
       at("profile-said").textContent = `Length ${this.length(about, length)}. No heights are known along it.`;
       return;
     }
-    const low = Math.min(...known.map((r) => r[1])), high = Math.max(...known.map((r) => r[1])), range = Math.max(high - low, 1e-6);
-    const px = (d) => 46 + (264 * d) / Math.max(length, 1e-6), py = (z) => 138 - (124 * (z - low)) / range;
-    let path = "", pen = "M";
+    const low = Math.min(...known.map((r) => r[1])),
+      high = Math.max(...known.map((r) => r[1])),
+      range = Math.max(high - low, 1e-6);
+    const px = (d) => 46 + (264 * d) / Math.max(length, 1e-6),
+      py = (z) => 138 - (124 * (z - low)) / range;
+    let path = "",
+      pen = "M";
     for (const [d, z] of rows) {
-      if (z === z) { path += `${pen}${px(d).toFixed(1)} ${py(z).toFixed(1)}`; pen = "L"; } else pen = "M";
+      if (z === z) {
+        path += `${pen}${px(d).toFixed(1)} ${py(z).toFixed(1)}`;
+        pen = "L";
+      } else pen = "M";
     }
-    const scale = about.mm_per_px || 1, digits = range * scale >= 20 ? 0 : range * scale >= 2 ? 1 : 2, unit = about.mm_per_px ? "mm" : "px";
+    const scale = about.mm_per_px || 1,
+      digits = range * scale >= 20 ? 0 : range * scale >= 2 ? 1 : 2,
+      unit = about.mm_per_px ? "mm" : "px";
     const texts = [
-      svg("text", { x: 42, y: 18, "text-anchor": "end" }, (range * scale).toFixed(digits)), svg("text", { x: 42, y: 142, "text-anchor": "end" }, "0"),
-      svg("text", { x: 46, y: 158 }, "0"), svg("text", { x: 310, y: 158, "text-anchor": "end" }, this.length(about, length)), svg("text", { x: 4, y: 80 }, unit)];
+      svg("text", { x: 42, y: 18, "text-anchor": "end" }, (range * scale).toFixed(digits)),
+      svg("text", { x: 42, y: 142, "text-anchor": "end" }, "0"),
+      svg("text", { x: 46, y: 158 }, "0"),
+      svg("text", { x: 310, y: 158, "text-anchor": "end" }, this.length(about, length)),
+      svg("text", { x: 4, y: 80 }, unit),
+    ];
     const here = svg("line", { class: "here", y1: 14, y2: 138, x1: -9, x2: -9 });
-    at("chart").replaceChildren(svg("path", { class: "axis", d: "M46 10V138H310", fill: "none" }), svg("path", { class: "curve", d: path }), here, ...texts);
+    at("chart").replaceChildren(
+      svg("path", { class: "axis", d: "M46 10V138H310", fill: "none" }),
+      svg("path", { class: "curve", d: path }),
+      here,
+      ...texts,
+    );
     const said = `Length ${this.length(about, length)}, heights differ by ${this.length(about, range)}, the ends by ${this.length(about, known[known.length - 1][1] - known[0][1])}.`;
     at("profile-said").textContent = said;
     at("chart").onpointermove = (e) => {
-      const box = at("chart").getBoundingClientRect(), d = (((e.clientX - box.left) / box.width) * 320 - 46) / 264;
+      const box = at("chart").getBoundingClientRect(),
+        d = (((e.clientX - box.left) / box.width) * 320 - 46) / 264;
       const row = rows[Math.max(0, Math.min(rows.length - 1, Math.round(d * (rows.length - 1))))];
-      here.setAttribute("x1", px(row[0])); here.setAttribute("x2", px(row[0]));
-      at("profile-said").textContent = `At ${this.length(about, row[0])}: ${row[1] === row[1] ? this.length(about, row[1] - low) : "no height"}.`;
+      here.setAttribute("x1", px(row[0]));
+      here.setAttribute("x2", px(row[0]));
+      at("profile-said").textContent =
+        `At ${this.length(about, row[0])}: ${row[1] === row[1] ? this.length(about, row[1] - low) : "no height"}.`;
       const t = length ? row[0] / length : 0;
-      page.cursor = { pane: page.line.pane, x: line[0][0] + t * (line[1][0] - line[0][0]), y: line[0][1] + t * (line[1][1] - line[0][1]) };
+      page.cursor = {
+        pane: page.line.pane,
+        x: line[0][0] + t * (line[1][0] - line[0][0]),
+        y: line[0][1] + t * (line[1][1] - line[0][1]),
+      };
       page.overlay();
     };
-    at("chart").onpointerleave = () => { at("profile-said").textContent = said; };
+    at("chart").onpointerleave = () => {
+      at("profile-said").textContent = said;
+    };
   },
 };

@@ -1,12 +1,21 @@
 // A result seen from the front: any layer of it, from tiles, at any size.
-const LAYERS = { relit: "Relit", photograph: "Photograph", normals: "Normals", albedo: "Albedo", height: "Depth, shaded",
-  expected: "Expected error", error: "True error" };
+const LAYERS = {
+  relit: "Relit",
+  photograph: "Photograph",
+  normals: "Normals",
+  albedo: "Albedo",
+  height: "Depth, shaded",
+  expected: "Expected error",
+  error: "True error",
+};
 
 class Picture {
   constructor(gl, tiles, ramp) {
     this.gl = gl;
     this.tiles = tiles;
-    this.program = new Program(gl, `
+    this.program = new Program(
+      gl,
+      `
       layout(location = 0) in vec2 corner; // of a unit square
       uniform vec2 from, to; // where the tile lies, in clip space
       uniform vec2 size; // of the tile in pixels, without its rim
@@ -14,7 +23,8 @@ class Picture {
       void main() {
         place = (corner * size + 1.0) / (size + 2.0);
         gl_Position = vec4(mix(from, to, corner), 0.0, 1.0);
-      }`, `
+      }`,
+      `
       uniform sampler2D normals, colour, numbers, ramp;
       uniform int layer;
       uniform vec3 ground;
@@ -43,7 +53,8 @@ class Picture {
           c = mix(ground, found, smoothstep(0.35, 0.65, length));
         }
         pixel = vec4(c, 1.0);
-      }`);
+      }`,
+    );
     this.square = gl.createVertexArray();
     gl.bindVertexArray(this.square);
     gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
@@ -56,43 +67,67 @@ class Picture {
 
   // pane: box in device pixels from the lower left; part: the columns of it to draw; frame: where the picture lies in it.
   draw(index, about, layer, pane, part, frame, look, photograph) {
-    const gl = this.gl, stored = layer === "photograph" ? `photograph-${photograph}` : layer;
+    const gl = this.gl,
+      stored = layer === "photograph" ? `photograph-${photograph}` : layer;
     gl.viewport(pane.x, pane.y, pane.w, pane.h);
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(pane.x + part[0], pane.y, Math.max(0, part[1] - part[0]), pane.h);
     gl.disable(gl.DEPTH_TEST);
     gl.bindVertexArray(this.square);
     this.program.use();
-    this.program.set({ ...shadingValues(look), ground: look.ground, last: look.limit * data.levels_per_degree,
-      normals: { int: 0 }, colour: { int: 1 }, numbers: { int: 2 }, ramp: { int: 3 },
-      layer: { int: { relit: 0, normals: 1, albedo: 2, height: 3, expected: 4, error: 4, photograph: 5 }[layer] } });
+    this.program.set({
+      ...shadingValues(look),
+      ground: look.ground,
+      last: look.limit * data.levels_per_degree,
+      normals: { int: 0 },
+      colour: { int: 1 },
+      numbers: { int: 2 },
+      ramp: { int: 3 },
+      layer: { int: { relit: 0, normals: 1, albedo: 2, height: 3, expected: 4, error: 4, photograph: 5 }[layer] },
+    });
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.ramp);
-    const needs = { relit: look.mode === "matt" ? ["normals"] : ["normals", "albedo"], normals: ["normals"], albedo: ["normals", "albedo"] }[layer] || [stored];
+    const needs = {
+      relit: look.mode === "matt" ? ["normals"] : ["normals", "albedo"],
+      normals: ["normals"],
+      albedo: ["normals", "albedo"],
+    }[layer] || [stored];
     const units = { normals: 0, albedo: 1, height: 2, expected: 2, error: 2, [stored]: layer === "photograph" ? 1 : 2 };
     if (needs.includes("normals")) units.normals = 0;
     const last = about.sizes.length - 1;
     const first = layer === "photograph" ? about.first_photograph : about.first;
     const level = Math.max(first, Math.min(last, Math.floor(Math.log2(1 / frame.scale) + 0.3)));
     for (let l = last; l >= level; l--) {
-      const [w, h] = about.sizes[l], size = frame.scale * (about.width / w); // device pixels of one of the level's
-      const span = (from, to, count) => [Math.max(0, Math.floor(from / SIDE)), Math.min(Math.ceil(count / SIDE) - 1, Math.floor(to / SIDE))];
+      const [w, h] = about.sizes[l],
+        size = frame.scale * (about.width / w); // device pixels of one of the level's
+      const span = (from, to, count) => [
+        Math.max(0, Math.floor(from / SIDE)),
+        Math.min(Math.ceil(count / SIDE) - 1, Math.floor(to / SIDE)),
+      ];
       const [x0, x1] = span((part[0] - frame.x) / size, (part[1] - frame.x) / size, w);
       const [y0, y1] = span(-frame.y / size, (pane.h - frame.y) / size, h);
-      for (let y = y0; y <= y1; y++) for (let x = x0; x <= x1; x++) {
-        if (l !== level && l !== last && !needs.every((n) => this.tiles.kept.has(`tile/${index}/${n}/${l}/${x}/${y}`))) continue;
-        const found = needs.map((n) => this.tiles.get(index, about, n, l, x, y));
-        if (!found.every(Boolean)) continue;
-        found.forEach((tile, k) => {
-          gl.activeTexture(gl.TEXTURE0 + units[needs[k]]);
-          gl.bindTexture(gl.TEXTURE_2D, tile.texture);
-        });
-        const tw = found[0].w - 2, th = found[0].h - 2;
-        const left = frame.x + size * x * SIDE, top = frame.y + size * y * SIDE;
-        const clip = (px, py) => [(2 * px) / pane.w - 1, 1 - (2 * py) / pane.h];
-        this.program.set({ from: clip(left, top), to: clip(left + size * tw, top + size * th), size: [tw, th] });
-        gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
-      }
+      for (let y = y0; y <= y1; y++)
+        for (let x = x0; x <= x1; x++) {
+          if (
+            l !== level &&
+            l !== last &&
+            !needs.every((n) => this.tiles.kept.has(`tile/${index}/${n}/${l}/${x}/${y}`))
+          )
+            continue;
+          const found = needs.map((n) => this.tiles.get(index, about, n, l, x, y));
+          if (!found.every(Boolean)) continue;
+          found.forEach((tile, k) => {
+            gl.activeTexture(gl.TEXTURE0 + units[needs[k]]);
+            gl.bindTexture(gl.TEXTURE_2D, tile.texture);
+          });
+          const tw = found[0].w - 2,
+            th = found[0].h - 2;
+          const left = frame.x + size * x * SIDE,
+            top = frame.y + size * y * SIDE;
+          const clip = (px, py) => [(2 * px) / pane.w - 1, 1 - (2 * py) / pane.h];
+          this.program.set({ from: clip(left, top), to: clip(left + size * tw, top + size * th), size: [tw, th] });
+          gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+        }
     }
     gl.disable(gl.SCISSOR_TEST);
   }

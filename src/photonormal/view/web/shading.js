@@ -23,7 +23,9 @@ vec3 lit(vec3 n, vec3 encoded) {
 // The light that a mode uses: raking light keeps the direction and comes from low down.
 function lightOf(look) {
   if (look.mode !== "raking") return look.light;
-  const [x, y] = look.light, r = Math.hypot(x, y) || 1, e = (look.raking * Math.PI) / 180;
+  const [x, y] = look.light,
+    r = Math.hypot(x, y) || 1,
+    e = (look.raking * Math.PI) / 180;
   return [(x / r) * Math.cos(e), (y / r) * Math.cos(e), Math.sin(e)];
 }
 

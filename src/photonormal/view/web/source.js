@@ -6,7 +6,10 @@ async function source(path) {
     if (!(path in data.tiles)) throw new Error(`This file does not hold ${path}.`);
     return bytesOfText(data.tiles[path]);
   }
-  const answer = await fetch(path).catch(() => { throw new Error(ENDED); });
-  if (!answer.ok) throw new Error(`A part of the result can't be read (${answer.status}). Start \`photonormal view\` again.`);
+  const answer = await fetch(path).catch(() => {
+    throw new Error(ENDED);
+  });
+  if (!answer.ok)
+    throw new Error(`A part of the result can't be read (${answer.status}). Start \`photonormal view\` again.`);
   return new Uint8Array(await answer.arrayBuffer());
 }

@@ -9,7 +9,9 @@ async function inflated(bytes) {
 
 // Rows of differences, low bytes before high ones -> whole numbers, channel by channel as they were stored.
 function summed(bytes, Kind, w, h, c) {
-  const values = new Kind(w * h * c), n = w * h, wide = Kind.BYTES_PER_ELEMENT === 2;
+  const values = new Kind(w * h * c),
+    n = w * h,
+    wide = Kind.BYTES_PER_ELEMENT === 2;
   for (let k = 0; k < c; k++) {
     for (let y = 0, i = 0; y < h; y++) {
       let sum = 0;
@@ -45,7 +47,8 @@ class Tiles {
     return tile.ready ? tile : null;
   }
 
-  async whole(index, about, layer, level, x, y) { // the same, waited for
+  async whole(index, about, layer, level, x, y) {
+    // the same, waited for
     const tile = this.get(index, about, layer, level, x, y);
     if (tile) return tile;
     const asked = this.kept.get(`tile/${index}/${layer}/${level}/${x}/${y}`);
@@ -77,7 +80,8 @@ class Tiles {
   }
 
   upload(tile, about, level) {
-    const gl = this.gl, { w, h, kind } = tile;
+    const gl = this.gl,
+      { w, h, kind } = tile;
     const texture = textureOf(gl, kind !== "degrees"); // angles belong to their pixels
     if (kind === "colour") gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, tile.picture);
     if (kind === "degrees") gl.texImage2D(gl.TEXTURE_2D, 0, gl.R8, w, h, 0, gl.RED, gl.UNSIGNED_BYTE, tile.values);
@@ -86,7 +90,17 @@ class Tiles {
       gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB16F, w, h, 0, gl.RGB, gl.FLOAT, unit);
     }
     if (kind === "height")
-      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA16F, w, h, 0, gl.RGBA, gl.FLOAT, this.slopes(tile, about.relief.step / 2 ** level));
+      gl.texImage2D(
+        gl.TEXTURE_2D,
+        0,
+        gl.RGBA16F,
+        w,
+        h,
+        0,
+        gl.RGBA,
+        gl.FLOAT,
+        this.slopes(tile, about.relief.step / 2 ** level),
+      );
     return texture;
   }
 
@@ -94,21 +108,28 @@ class Tiles {
   slopes({ values, w, h }, step) {
     const found = new Float32Array(4 * w * h);
     const slope = (i, back, on) => {
-      const a = back >= 0 && values[back] ? back : i, b = on >= 0 && values[on] ? on : i;
+      const a = back >= 0 && values[back] ? back : i,
+        b = on >= 0 && values[on] ? on : i;
       return a === b ? 0 : (step * (values[b] - values[a])) / (a !== i && b !== i ? 2 : 1);
     };
-    for (let y = 0, i = 0; y < h; y++) for (let x = 0; x < w; x++, i++) {
-      if (!values[i]) continue;
-      const p = slope(i, x ? i - 1 : -1, x + 1 < w ? i + 1 : -1), q = slope(i, y + 1 < h ? i + w : -1, y ? i - w : -1);
-      const length = Math.hypot(p, q, 1);
-      found.set([-p / length, -q / length, (values[i] - 1) / 65534, 1], 4 * i);
-    }
+    for (let y = 0, i = 0; y < h; y++)
+      for (let x = 0; x < w; x++, i++) {
+        if (!values[i]) continue;
+        const p = slope(i, x ? i - 1 : -1, x + 1 < w ? i + 1 : -1),
+          q = slope(i, y + 1 < h ? i + w : -1, y ? i - w : -1);
+        const length = Math.hypot(p, q, 1);
+        found.set([-p / length, -q / length, (values[i] - 1) / 65534, 1], 4 * i);
+      }
     return found;
   }
 
-  forget() { // the tiles that were not drawn for longest
+  forget() {
+    // the tiles that were not drawn for longest
     if (this.kept.size <= KEPT) return;
-    const old = [...this.kept].filter(([, t]) => t.ready).sort((a, b) => a[1].time - b[1].time).slice(0, this.kept.size - KEPT);
+    const old = [...this.kept]
+      .filter(([, t]) => t.ready)
+      .sort((a, b) => a[1].time - b[1].time)
+      .slice(0, this.kept.size - KEPT);
     for (const [path, tile] of old) {
       if (tile.texture) this.gl.deleteTexture(tile.texture);
       this.kept.delete(path);

@@ -1,18 +1,53 @@
 // The page: what is shown, and the drawing of it. What people do to it is in input.js.
 const page = {
-  view: "picture", tool: "light", held: false, border: 0.5, first: "relit", second: "", panes: [],
-  camera: { x: 0.5, y: 0.5, scale: 1 }, line: null, cursor: null, asked: false,
-  look: { mode: "lambert", light: [0, 0, 1], exposure: 1, gloss: 0.5, sharpness: 40, raking: 12, limit: 30, ground: [0, 0, 0] },
+  view: "picture",
+  tool: "light",
+  held: false,
+  border: 0.5,
+  first: "relit",
+  second: "",
+  panes: [],
+  camera: { x: 0.5, y: 0.5, scale: 1 },
+  line: null,
+  cursor: null,
+  asked: false,
+  look: {
+    mode: "lambert",
+    light: [0, 0, 1],
+    exposure: 1,
+    gloss: 0.5,
+    sharpness: 40,
+    raking: 12,
+    limit: 30,
+    ground: [0, 0, 0],
+  },
 
   start() {
     this.gl = glOf(at("canvas"));
-    this.tiles = new Tiles(this.gl, source, (failed) => { if (failed) this.trouble(failed); this.draw(); });
+    this.tiles = new Tiles(this.gl, source, (failed) => {
+      if (failed) this.trouble(failed);
+      this.draw();
+    });
     const ramp = bytesOfText(data.colours);
     if (this.gl) this.picture = new Picture(this.gl, this.tiles, ramp);
-    at("bar").getContext("2d").putImageData(new ImageData(Uint8ClampedArray.from({ length: 1024 }, (_, i) => (i % 4 === 3 ? 255 : ramp[3 * (i >> 2) + (i % 4)])), 256, 1), 0, 0);
+    at("bar")
+      .getContext("2d")
+      .putImageData(
+        new ImageData(
+          Uint8ClampedArray.from({ length: 1024 }, (_, i) => (i % 4 === 3 ? 255 : ramp[3 * (i >> 2) + (i % 4)])),
+          256,
+          1,
+        ),
+        0,
+        0,
+      );
     this.show([0, 1].filter((k) => k < data.results.length));
     this.second = this.available().includes("photograph") ? "photograph" : "normals";
-    dome.start((light) => { this.look.light = light; this.photograph(); this.draw(); });
+    dome.start((light) => {
+      this.look.light = light;
+      this.photograph();
+      this.draw();
+    });
     input.start();
     this.paint();
     dome.set([-0.5, 0.5]);
@@ -20,8 +55,17 @@ const page = {
     if (!this.gl) plain.show();
   },
 
-  show(indices) { // these results, side by side
-    this.panes = indices.map((index) => this.panes.find((p) => p.index === index) || { index, about: data.results[index], surface: null, photograph: null });
+  show(indices) {
+    // these results, side by side
+    this.panes = indices.map(
+      (index) =>
+        this.panes.find((p) => p.index === index) || {
+          index,
+          about: data.results[index],
+          surface: null,
+          photograph: null,
+        },
+    );
     const names = this.panes.map((p) => p.about.title);
     at("title").textContent = names.join(" | ");
     document.title = `${names.join(" | ")} - photonormal`;
@@ -30,29 +74,56 @@ const page = {
     this.photograph();
   },
 
-  available() { // layers that every result shown has
-    const has = (about, layer) => (layer === "photograph" ? about.photographs.length > 0 : layer === "relit" ? about.layers.albedo || about.layers.normals : about.layers[layer]);
+  available() {
+    // layers that every result shown has
+    const has = (about, layer) =>
+      layer === "photograph"
+        ? about.photographs.length > 0
+        : layer === "relit"
+          ? about.layers.albedo || about.layers.normals
+          : about.layers[layer];
     return Object.keys(LAYERS).filter((layer) => this.panes.every((p) => has(p.about, layer)));
   },
 
-  draw() { // at the next frame
+  draw() {
+    // at the next frame
     if (this.asked) return;
     this.asked = true;
-    requestAnimationFrame(() => { this.asked = false; this.drawNow(); });
+    requestAnimationFrame(() => {
+      this.asked = false;
+      this.drawNow();
+    });
   },
 
   drawNow() {
-    const stage = at("stage"), canvas = at("canvas"), ratio = Math.min(devicePixelRatio || 1, 2), wide = stage.clientWidth, high = stage.clientHeight;
+    const stage = at("stage"),
+      canvas = at("canvas"),
+      ratio = Math.min(devicePixelRatio || 1, 2),
+      wide = stage.clientWidth,
+      high = stage.clientHeight;
     if (canvas.width !== Math.round(wide * ratio) || canvas.height !== Math.round(high * ratio)) {
       canvas.width = Math.round(wide * ratio);
       canvas.height = Math.round(high * ratio);
     }
-    const beside = wide >= high, n = this.panes.length;
+    const beside = wide >= high,
+      n = this.panes.length;
     this.panes.forEach((p, k) => {
-      p.box = beside ? { x: (k * wide) / n, y: 0, w: wide / n, h: high } : { x: 0, y: (k * high) / n, w: wide, h: high / n };
-      p.pane = { x: Math.round(p.box.x * ratio), y: Math.round((high - p.box.y - p.box.h) * ratio), w: Math.round(p.box.w * ratio), h: Math.round(p.box.h * ratio) };
-      const { width, height } = p.about, scale = 0.92 * this.camera.scale * Math.min(p.pane.w / width, p.pane.h / height);
-      p.frame = { scale, x: p.pane.w / 2 - this.camera.x * width * scale, y: p.pane.h / 2 - this.camera.y * height * scale };
+      p.box = beside
+        ? { x: (k * wide) / n, y: 0, w: wide / n, h: high }
+        : { x: 0, y: (k * high) / n, w: wide, h: high / n };
+      p.pane = {
+        x: Math.round(p.box.x * ratio),
+        y: Math.round((high - p.box.y - p.box.h) * ratio),
+        w: Math.round(p.box.w * ratio),
+        h: Math.round(p.box.h * ratio),
+      };
+      const { width, height } = p.about,
+        scale = 0.92 * this.camera.scale * Math.min(p.pane.w / width, p.pane.h / height);
+      p.frame = {
+        scale,
+        x: p.pane.w / 2 - this.camera.x * width * scale,
+        y: p.pane.h / 2 - this.camera.y * height * scale,
+      };
       p.ratio = ratio;
     });
     if (this.gl) {
@@ -68,7 +139,10 @@ const page = {
   drawPicture(p) {
     const cut = this.second ? Math.round(this.border * p.pane.w) : 0;
     const look = { ...this.look, mode: this.look.mode === "matt" || p.about.layers.albedo ? this.look.mode : "matt" };
-    for (const [layer, part] of [[this.second, [0, cut]], [this.first, [cut, p.pane.w]]])
+    for (const [layer, part] of [
+      [this.second, [0, cut]],
+      [this.first, [cut, p.pane.w]],
+    ])
       if (layer && part[1] > part[0] && (layer !== "photograph" || p.photograph !== null))
         this.picture.draw(p.index, p.about, layer, p.pane, part, p.frame, look, p.photograph);
   },
@@ -77,111 +151,58 @@ const page = {
     if (!p.about.relief) return this.trouble("This result has no depth: it was measured without a mesh.");
     if (!p.surface) {
       p.surface = new Surface(this.gl);
-      p.built = built(p, this.tiles).then((size) => { p.size = size; this.draw(); }, (error) => this.trouble(String(error.message || error)));
+      p.built = built(p, this.tiles).then(
+        (size) => {
+          p.size = size;
+          this.draw();
+        },
+        (error) => this.trouble(String(error.message || error)),
+      );
     }
     if (p.size) p.surface.draw(p.pane, this.look, Boolean(p.about.layers.albedo), p.size);
   },
 
-  photograph() { // the one under the real light nearest to the light; the one before stays until it is here
+  photograph() {
+    // the one under the real light nearest to the light; the one before stays until it is here
     clearTimeout(this.resting);
     for (const p of this.panes) {
       const shots = p.about.photographs;
       if (!shots.length) continue;
-      const nearest = shots[0].light ? nearestLight(shots.map((s) => s.light), lightOf(this.look)) : 0;
+      const nearest = shots[0].light
+        ? nearestLight(
+            shots.map((s) => s.light),
+            lightOf(this.look),
+          )
+        : 0;
       p.nearest = nearest;
       if (shots[nearest].index === p.photograph) continue;
-      this.resting = setTimeout(async () => {
-        const level = p.about.sizes.length - 1;
-        if (![this.first, this.second].includes("photograph")) return;
-        await this.tiles.whole(p.index, p.about, `photograph-${shots[nearest].index}`, level, 0, 0);
-        if (p.nearest === nearest) { p.photograph = shots[nearest].index; p.shot = shots[nearest]; this.draw(); }
-      }, p.photograph === null ? 0 : 90);
+      this.resting = setTimeout(
+        async () => {
+          const level = p.about.sizes.length - 1;
+          if (![this.first, this.second].includes("photograph")) return;
+          await this.tiles.whole(p.index, p.about, `photograph-${shots[nearest].index}`, level, 0, 0);
+          if (p.nearest === nearest) {
+            p.photograph = shots[nearest].index;
+            p.shot = shots[nearest];
+            this.draw();
+          }
+        },
+        p.photograph === null ? 0 : 90,
+      );
     }
     const p = this.panes[0];
-    if (p) dome.lamps(p.about.photographs.filter((s) => s.light).map((s) => s.light), p.nearest);
+    if (p)
+      dome.lamps(
+        p.about.photographs.filter((s) => s.light).map((s) => s.light),
+        p.nearest,
+      );
   },
 
-  place(p, x, y) { // of a result's pixel, in the stage's own pixels; null where the surface has none
-    if (this.view === "picture") return [p.box.x + (p.frame.x + x * p.frame.scale) / p.ratio, p.box.y + (p.frame.y + y * p.frame.scale) / p.ratio];
-    if (!p.size) return null;
-    const [w, h] = p.surface.grid, clamp = (v, n) => Math.max(0, Math.min(n - 1, v));
-    const found = p.surface.project(clamp((x / p.about.width) * w - 0.5, w), clamp((y / p.about.height) * h - 0.5, h), p.pane);
-    return found && [p.box.x + found[0] * p.box.w, p.box.y + found[1] * p.box.h];
-  },
-
-  overlay() { // lines, crosses, labels, the border
-    const shapes = [];
-    if (this.line) for (const p of this.panes) {
-      const [a, b] = this.line.ends, steps = this.view === "picture" ? 1 : 120, points = [];
-      for (let k = 0; k <= steps; k++) points.push(this.place(p, a[0] + ((b[0] - a[0]) * k) / steps, a[1] + ((b[1] - a[1]) * k) / steps));
-      const seen = points.filter(Boolean);
-      if (!seen.length) continue;
-      const d = seen.map(([x, y], k) => `${k ? "L" : "M"}${x.toFixed(1)} ${y.toFixed(1)}`).join("");
-      shapes.push(svg("path", { d, class: "halo" }), svg("path", { d }));
-      for (const [x, y] of [seen[0], seen[seen.length - 1]]) shapes.push(svg("circle", { cx: x, cy: y, r: 5 }));
-    }
-    const c = this.cursor, spot = c && this.panes[c.pane] && this.place(this.panes[c.pane], c.x, c.y);
-    if (spot && (this.tool === "measure" || this.line)) {
-      const d = `M${spot[0] - 9} ${spot[1]}h18M${spot[0]} ${spot[1] - 9}v18`;
-      shapes.push(svg("path", { d, class: "cross halo" }), svg("path", { d, class: "cross" }));
-    }
-    const two = this.view === "picture" && Boolean(this.second), b = at("border"), labels = [];
-    this.panes.forEach((p, k) => {
-      const x = p.box.x + this.border * p.box.w;
-      if (two && k) shapes.push(svg("path", { d: `M${x} ${p.box.y}v${p.box.h}`, class: "cross halo" }), svg("path", { d: `M${x} ${p.box.y}v${p.box.h}`, class: "cross" }));
-      if (two && !k) { b.style.left = `${x}px`; b.style.top = `${p.box.y}px`; b.style.bottom = "auto"; b.style.height = `${p.box.h}px`; }
-      const tag = (text, style, name = "") => {
-        const span = document.createElement("span");
-        span.textContent = text;
-        span.className = name;
-        Object.assign(span.style, style);
-        labels.push(span);
-      };
-      if (two && this.border > 0.08) tag(this.said(this.second, p), { left: `${p.box.x + 10}px`, top: `${p.box.y + 10}px`, maxWidth: `${Math.max(0, this.border * p.box.w - 24)}px` });
-      if (this.view === "picture" && (!two || this.border < 0.92))
-        tag(this.said(this.first, p), { right: `${at("stage").clientWidth - p.box.x - p.box.w + 10}px`, top: `${p.box.y + 10}px`, maxWidth: `${Math.max(0, (1 - (two ? this.border : 0)) * p.box.w - 24)}px` });
-      if (this.panes.length > 1) tag(p.about.title, { left: `${p.box.x + 10}px`, top: `${p.box.y + p.box.h - 68}px`, bottom: "auto" });
-    });
-    b.hidden = !two;
-    b.setAttribute("aria-valuenow", Math.round(100 * this.border));
-    at("labels").replaceChildren(...labels);
-    at("overlay").replaceChildren(...shapes);
-  },
-
-  said(layer, p) { // a layer's name, and what there is to say of it where there is room
-    if (p.box.w < 360) return LAYERS[layer];
-    if (layer === "photograph" && p.shot) return `Photograph ${p.shot.name}`;
-    if (layer === "relit") return `Relit: ${names.mode[this.look.mode].toLowerCase()}`;
-    return LAYERS[layer];
-  },
-
-  legend() {
-    const shown = this.view === "picture" ? [this.first, this.second] : [];
-    const degrees = shown.some((l) => l === "expected" || l === "error"), height = shown.includes("height");
-    at("legend").hidden = !(degrees || height);
-    at("limit-row").hidden = !degrees;
-    at("legend-low").textContent = degrees ? "0°" : "lowest";
-    const about = this.panes[0].about;
-    at("legend-high").textContent = degrees ? `${this.look.limit}° and more` : about.relief ? `highest, ${measure.length(about, 65534 * about.relief.step)} above` : "";
-    if (degrees && height) at("legend-low").textContent = "0°, lowest";
-  },
-
-  facts() { // about the results
-    const rows = [], several = this.panes.length > 1;
-    for (const { about } of this.panes) {
-      if (several) rows.push([about.title, ""]);
-      rows.push(["Method", about.method], ["Size", `${about.width} x ${about.height} px`]);
-      if (about.mm_per_px) rows.push(["Scale", `${about.mm_per_px} mm a pixel`]);
-      if (about.photographs.length) rows.push(["Photographs", String(about.lamps)]);
-      if (about.expected_error_deg != null) rows.push(["Expected error", `${about.expected_error_deg.toFixed(1)}° on average`]);
-      if (about.mean_error_deg != null) rows.push(["True error", `${about.mean_error_deg.toFixed(2)}° on average`]);
-    }
-    fill(at("facts"), rows);
-    at("notes").replaceChildren(...[...new Set(this.panes.flatMap((p) => p.about.notes))].map((note) => Object.assign(document.createElement("li"), { textContent: note })));
-  },
-
-  paint() { // the ground's colour
-    const rgb = getComputedStyle(document.body).backgroundColor.match(/[\d.]+/g).map(Number);
+  paint() {
+    // the ground's colour
+    const rgb = getComputedStyle(document.body)
+      .backgroundColor.match(/[\d.]+/g)
+      .map(Number);
     this.look.ground = rgb.slice(0, 3).map((v) => v / 255);
     this.draw();
   },
@@ -192,29 +213,49 @@ const page = {
   },
 };
 
-const fill = (list, rows) => list.replaceChildren(...rows.flatMap(([name, text]) =>
-  [["dt", name], ["dd", text]].map(([kind, content]) => Object.assign(document.createElement(kind), { textContent: content }))));
-
 // The surface's grid from the smallest size of the heights, its textures from a larger one; returns their size.
 async function built(p, tiles) {
-  const { about, index, surface } = p, gl = tiles.gl, last = about.sizes.length - 1;
-  const tile = await tiles.whole(index, about, "height", last, 0, 0), w = tile.w - 2, h = tile.h - 2, heights = new Float32Array(w * h);
+  const { about, index, surface } = p,
+    gl = tiles.gl,
+    last = about.sizes.length - 1;
+  const tile = await tiles.whole(index, about, "height", last, 0, 0),
+    w = tile.w - 2,
+    h = tile.h - 2,
+    heights = new Float32Array(w * h);
   if (tile.failed) throw new Error(tile.failed);
-  for (let y = 0; y < h; y++) for (let x = 0; x < w; x++)
-    heights[y * w + x] = measure.height(about, tile.values[(y + 1) * tile.w + x + 1]) / 2 ** last;
+  for (let y = 0; y < h; y++)
+    for (let x = 0; x < w; x++)
+      heights[y * w + x] = measure.height(about, tile.values[(y + 1) * tile.w + x + 1]) / 2 ** last;
   surface.shape(w, h, heights);
   let level = last;
   while (level > about.first && Math.max(...about.sizes[level - 1]) <= 2048) level--;
-  const [wide, high] = about.sizes[level], pairs = [["normals", "normals"], ["albedo", "colour"]].filter(([layer]) => about.layers[layer]);
+  const [wide, high] = about.sizes[level],
+    pairs = [
+      ["normals", "normals"],
+      ["albedo", "colour"],
+    ].filter(([layer]) => about.layers[layer]);
   for (const [layer, name] of pairs) {
     const parts = [];
-    for (let y = 0; y * SIDE < high; y++) for (let x = 0; x * SIDE < wide; x++) parts.push([x, y, await tiles.whole(index, about, layer, level, x, y)]);
+    for (let y = 0; y * SIDE < high; y++)
+      for (let x = 0; x * SIDE < wide; x++) parts.push([x, y, await tiles.whole(index, about, layer, level, x, y)]);
     if (name === "normals") surface.normals(wide, high, null);
     gl.bindTexture(gl.TEXTURE_2D, surface.textures[name]);
-    if (name === "colour") gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, wide + 2, high + 2, 0, gl.RGB, gl.UNSIGNED_BYTE, null);
+    if (name === "colour")
+      gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, wide + 2, high + 2, 0, gl.RGB, gl.UNSIGNED_BYTE, null);
     for (const [x, y, part] of parts) {
       if (part.failed) throw new Error(part.failed);
-      if (name === "normals") gl.texSubImage2D(gl.TEXTURE_2D, 0, x * SIDE, y * SIDE, part.w, part.h, gl.RGB, gl.FLOAT, Float32Array.from(part.values, (v) => v / data.unit));
+      if (name === "normals")
+        gl.texSubImage2D(
+          gl.TEXTURE_2D,
+          0,
+          x * SIDE,
+          y * SIDE,
+          part.w,
+          part.h,
+          gl.RGB,
+          gl.FLOAT,
+          Float32Array.from(part.values, (v) => v / data.unit),
+        );
       else gl.texSubImage2D(gl.TEXTURE_2D, 0, x * SIDE, y * SIDE, gl.RGB, gl.UNSIGNED_BYTE, part.picture);
     }
   }

@@ -18,7 +18,7 @@ from photonormal.capture.lights.match import in_order_of
 from photonormal.capture.lights.near import placed
 from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
-from photonormal.capture.pictures import counts_differ, find_pictures, pages, parse_images, refuse_repeated
+from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated, white_boards
 from photonormal.capture.texts import read_intensities
 from photonormal.geometry import from_frame
 from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of, unit_lights
@@ -97,45 +97,10 @@ def assemble(
     `intensities` (n, 1 or 3), their file, or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown, or what
     reads it for pictures of (h, w).
     """
-    if not pictures:
-        raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, TGA, NPY or RAW files.")
-    every = [page for p in pictures for page in (pages([p]) if isinstance(p, Path) else [p])]
-    if choice.rgb_lights:
-        every = [plane for picture in every for plane in planes(picture)]
-    listed = _listed(lights, choice)
-    order, rows, notes = list(range(len(every))), [], []
-    if listed is not None:
-        order, rows, notes = in_order_of([name_of(p) for p in every], listed)
-    with_light = [every[j] for j in order]
-    chosen = parse_images(choice.images, len(with_light))
-    used = [with_light[j] for j in chosen]
-    _refuse_missing(used, name)
-    refuse_repeated(used)
-    vectors = None
-    if listed is not None:
-        if len(rows) not in (len(with_light), len(used)):
-            raise counts_differ(name, used, len(rows), listed.source)
-        rows = rows if len(rows) == len(used) else [rows[j] for j in chosen]
-        vectors = from_frame(listed.vectors[rows], choice.frame if choice.ring is None else "opengl")
-        notes = [*listed.notes, *notes]
-        if listed.intensities is not None and intensities is None:
-            intensities = listed.intensities[rows]
-    e = _intensities(choice.intensities or intensities, [len(used), len(with_light), len(every)], order, chosen)
-    if choice.exif_exposure:
-        e = e * exposures([parts(p)[0] for p in used])
-    boards = None
-    if choice.flat is not None and choice.flat.is_dir():
-        if choice.rgb_lights:
-            raise InputError(
-                f"--flat {choice.flat} is a folder but --rgb-lights takes one flat field; give one picture."
-            )
-        if lamps is not None or choice.mm_per_px is not None:
-            raise InputError(
-                f"--flat {choice.flat} tells how light falls off, and so do the lamps' places; "
-                "leave --flat or --mm-per-px out."
-            )
-        found = white_boards(choice.flat, [name_of(p) for p in with_light])
-        boards = [found[j] for j in chosen]
+    lit = _lit(name, pictures, lights, intensities, choice)
+    used, e = lit.pictures, lit.intensities
+    boards = _boards(choice, lit, near=lamps is not None)
+    if boards is not None:
         e = np.ones((len(used), 1))  # they have them in them
     mask = mask if choice.mask is None else choice.mask
     if isinstance(mask, Path):
@@ -147,25 +112,82 @@ def assemble(
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
     flats = None
     if boards is not None:
-        flats = boards, None if vectors is None else unit_lights(vectors, [name_of(p) for p in used])[:, 2]
+        flats = boards, None if lit.vectors is None else unit_lights(lit.vectors, [name_of(p) for p in used])[:, 2]
     images = corrected(samples, choice, lens, None if mask is None else box_of(mask, MARGIN), flats)
     if lamps is None:
-        lamps, camera = placed(vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, samples.frame)
+        lamps, camera = placed(lit.vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, samples.frame)
     else:
-        lamps = lamps[chosen]
+        lamps = lamps[lit.chosen]
     given = truth(samples.frame) if callable(truth) else truth
     return Capture(
         images=images,
         mask=np.ones(samples.frame, bool) if mask is None else mask,
-        lights=vectors,
+        lights=lit.vectors,
         lamps=lamps,
         camera=camera,
         truth=None if given is None else known_normals(given),
         saturation=samples.saturation,
         name=name,
         image_names=tuple(name_of(p) for p in used),
-        notes=tuple(notes),
+        notes=lit.notes,
     )
+
+
+@dataclass(frozen=True)
+class Lit:
+    """The pictures that are used, each under a light.
+
+    Parameters
+    ----------
+    chosen : which they are of all that have a light, `every`
+    vectors : (n, 3) to the lights, in our frame, or None
+    intensities : (n, 1 or 3)
+    notes : what the user should know
+    """
+
+    pictures: list[Picture]
+    chosen: list[int]
+    every: list[Picture]
+    vectors: np.ndarray | None
+    intensities: np.ndarray
+    notes: tuple[str, ...] = ()
+
+
+def _lit(
+    name: str,
+    files: Sequence[Path | tuple[Path, ...]],
+    lights: np.ndarray | Listed | None,
+    intensities: np.ndarray | Path | None,
+    choice: Choice,
+) -> Lit:
+    """The files' pictures that the user chooses and that have a light; what is not used is not counted."""
+    if not files:
+        raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, TGA, NPY or RAW files.")
+    pictures = [page for p in files for page in (pages([p]) if isinstance(p, Path) else [p])]
+    if choice.rgb_lights:
+        pictures = [plane for picture in pictures for plane in planes(picture)]
+    listed = _listed(lights, choice)
+    order, rows, notes = list(range(len(pictures))), [], []
+    if listed is not None:
+        order, rows, notes = in_order_of([name_of(p) for p in pictures], listed)
+    every = [pictures[j] for j in order]
+    chosen = parse_images(choice.images, len(every))
+    used = [every[j] for j in chosen]
+    _refuse_missing(used, name)
+    refuse_repeated(used)
+    vectors = None
+    if listed is not None:
+        if len(rows) not in (len(every), len(used)):
+            raise counts_differ(name, used, len(rows), listed.source)
+        rows = rows if len(rows) == len(used) else [rows[j] for j in chosen]
+        vectors = from_frame(listed.vectors[rows], choice.frame if choice.ring is None else "opengl")
+        notes = [*listed.notes, *notes]
+        if listed.intensities is not None and intensities is None:
+            intensities = listed.intensities[rows]
+    e = _intensities(choice.intensities or intensities, [len(used), len(every), len(pictures)], order, chosen)
+    if choice.exif_exposure:
+        e = e * exposures([parts(p)[0] for p in used])
+    return Lit(used, chosen, every, vectors, e, tuple(notes))
 
 
 def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None:
@@ -207,18 +229,21 @@ def _intensities(given: np.ndarray | Path | None, counts: list[int], order: list
     return table if len(table) == used else table[chosen]
 
 
-def white_boards(folder: Path, names: Sequence[str]) -> list[Path]:
-    """The folder's picture of a white board for each of the pictures `names`: of the same names, or in their order."""
-    found = find_pictures(folder)
-    by_name = {path.stem: path for path in found}
-    if all(Path(name).stem in by_name for name in names):
-        return [by_name[Path(name).stem] for name in names]
-    if len(found) != len(names):
+def _boards(choice: Choice, lit: Lit, near: bool) -> list[Path] | None:
+    """Pictures of a white board under each light, whose fall-off and intensity they tell, where there are some."""
+    if choice.flat is None or not (choice.rgb_lights or choice.flat.is_dir()):
+        return None
+    if near or choice.mm_per_px is not None:
         raise InputError(
-            f"--flat {folder} has {len(found)} pictures but one of a white board for each of {len(names)} lights is "
-            "needed, of the photographs' names or in their order; add or remove some."
+            f"--flat {choice.flat} tells how light falls off, and so do the lamps' places; "
+            "leave --flat or --mm-per-px out."
         )
-    return found
+    if choice.rgb_lights and choice.flat.is_dir():
+        raise InputError(f"--flat {choice.flat} is a folder but --rgb-lights takes one flat field; give one picture.")
+    if choice.rgb_lights:  # it shows the three lights, too
+        return [choice.flat] * len(lit.pictures)
+    found = white_boards(choice.flat, [name_of(p) for p in lit.every])
+    return [found[j] for j in lit.chosen]
 
 
 def corrected(

@@ -65,6 +65,20 @@ def _of_one_kind(pictures: list[Path], folder: Path, prefer: str) -> list[Path]:
     return kept
 
 
+def white_boards(folder: Path, names: Sequence[str]) -> list[Path]:
+    """The folder's picture of a white board for each of the pictures `names`: of the same names, or in their order."""
+    found = find_pictures(folder)
+    by_name = {path.stem: path for path in found}
+    if all(Path(name).stem in by_name for name in names):
+        return [by_name[Path(name).stem] for name in names]
+    if len(found) != len(names):
+        raise InputError(
+            f"--flat {folder} has {len(found)} pictures but one of a white board for each of {len(names)} lights is "
+            "needed, of the photographs' names or in their order; add or remove some."
+        )
+    return found
+
+
 def pages(pictures: Sequence[Path]) -> list[Picture]:
     """The pictures, each page of a TIFF stack as one; files that can't be read are refused when they are used."""
     found: list[Picture] = []

@@ -99,6 +99,47 @@ def csv(folder: Path) -> list[str]:
     return command
 
 
+def lights(folder: Path, name: str) -> list[str]:
+    """Lights in another form, in the folder or named."""
+    from scipy.io import savemat
+
+    command = plain(folder, ".png", np.uint8)
+    (folder / "light_directions.txt").unlink()
+    if name.endswith(".npy"):
+        np.save(folder / name, LIGHTS)
+    elif name.endswith(".mat"):
+        savemat(folder / name, {"S": LIGHTS, "mu": np.ones((4, 1))}, do_compression=True)
+    elif name.endswith(".json"):
+        rows = ", ".join(f'{{"direction": {l}, "intensity": [1, 1, 1]}}' for l in LIGHTS.tolist())
+        (folder / name).write_text(f'{{"lights": [{rows}]}}')
+    else:
+        (folder / name).write_text(f'{{"imageWidth": 210.0, "domeDiameter": 600, "directions": {LIGHTS.tolist()}}}')
+    return [*command, "--lights", name]
+
+
+def project(folder: Path) -> list[str]:
+    for j in range(4):
+        write_picture(folder / "jpeg-exports" / f"{j + 1}.jpg", picture(j))
+    (folder / "assembly-files").mkdir()
+    lines = [f"C:\\owl\\jpeg-exports\\{j + 1}.jpg {x:.3f} {y:.3f} {z:.3f}" for j, (x, y, z) in enumerate(LIGHTS)]
+    (folder / "assembly-files" / "owl.lp").write_text("\n".join(["4", *lines]))
+    return ["measure", "."]
+
+
+def stack(folder: Path) -> list[str]:
+    import tifffile
+
+    tifffile.imwrite(folder / "owl.tif", np.stack([picture(j, np.uint16)[..., 0] for j in range(4)]), imagej=True)
+    np.savetxt(folder / "light_directions.txt", LIGHTS, fmt="%.3f")
+    return ["measure", "."]
+
+
+def channels(folder: Path) -> list[str]:
+    write_picture(folder / "gel.png", picture(0))
+    np.savetxt(folder / "light_directions.txt", LIGHTS[1:], fmt="%.3f")
+    return ["measure", ".", "--rgb-lights"]
+
+
 def luces(folder: Path) -> list[str]:
     for j in range(4):
         write_picture(folder / f"{j + 1:02d}.png", picture(j, np.uint16))
@@ -154,6 +195,10 @@ KINDS: dict[str, Callable[[Path], list[str]]] = {
     "list": listed,
     "lp": lp,
     "csv": csv,
+    **{f"lights {n}": lambda folder, n=n: lights(folder, n) for n in ("l.npy", "l.mat", "l.json", "l.dome")},
+    "project": project,
+    "stack": stack,
+    "channels": channels,
     "luces": luces,
     "mat": truth,
     "corrections": corrections,

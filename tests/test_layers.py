@@ -6,10 +6,12 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored", "png", "curl"}
+BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored", "png", "curl", "arrays", "notebook"}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
-    "types": {"png"},
+    "arrays": {"types"},
+    "notebook": {"types", "png"},
+    "types": {"arrays", "notebook"},
     "files": {"types", "png"},
     "geometry": {"types"},
     "curl": set(),

@@ -6,9 +6,11 @@ Importing it loads neither torch nor OpenCV; each is loaded by the first call th
 __version__ = "0.1.0"
 
 from photonormal.capture import load
-from photonormal.export import save
+from photonormal.check import check
+from photonormal.export import load_normals, save
 from photonormal.integrate import integrate
 from photonormal.measure import measure
+from photonormal.rig import calibrate
 from photonormal.score import score
 from photonormal.solve import solve
 from photonormal.types import Capture, InputError, Normals, Result, Surface
@@ -20,8 +22,11 @@ __all__ = [
     "Result",
     "Surface",
     "__version__",
+    "calibrate",
+    "check",
     "integrate",
     "load",
+    "load_normals",
     "measure",
     "save",
     "score",

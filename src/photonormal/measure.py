@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 import photonormal
+from photonormal.arrays import as_capture
 from photonormal.check import check
 from photonormal.integrate import integrate
 from photonormal.options import Device, Precision, check_value
@@ -52,6 +53,7 @@ def measure(
     InputError
         If the method or an option does not exist, or the capture can't be measured by it.
     """
+    capture = as_capture(capture)
     check_value(device, Device, "device")
     check_value(precision, Precision, "precision")
     solver = configure(method, **(options or {}))

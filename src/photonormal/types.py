@@ -166,11 +166,12 @@ class Capture:
 
     Parameters
     ----------
-    images : (n, h, w, c), c is 1 or 3; an array, or an object that decodes the pictures one by one
-    mask : (h, w) bool, True on the object
+    images : (n, h, w, c), c is 1 or 3, or (n, h, w); an array or a list of pictures, of floats, or of uint8 or uint16,
+        which are linear and become 1 at full scale; or an object that decodes the pictures one by one
+    mask : (h, w) bool, True on the object; of numbers, what is more than half of the largest. None: all pixels
     lights : (n, 3), any length but zero; kept as unit vectors. None: unknown. Of `lamps`, as seen from the object's
         middle, whatever is given
-    truth : the true normals, where they are known
+    truth : the true normals, or their map, where they are known
     saturation : (n, c) radiance at which a sample of each image is saturated. None: not known
     name : what reports call the capture
     image_names : the n pictures' names
@@ -189,7 +190,7 @@ class Capture:
     """
 
     images: Images
-    mask: np.ndarray
+    mask: np.ndarray = None  # pyright: ignore[reportAssignmentType]
     lights: np.ndarray | None = None
     truth: Normals | None = None
     saturation: np.ndarray | None = field(default=None, repr=False)
@@ -201,12 +202,24 @@ class Capture:
     notes: tuple[str, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
+        from photonormal.arrays import as_images, as_mask, as_normals
+
+        given = np.shape(self.images) if isinstance(self.images, np.ndarray) else ()
+        object.__setattr__(self, "images", as_images(self.images))
         shape = tuple(self.images.shape)
         if len(shape) != 4 or shape[3] not in (1, 3):
             raise InputError(f"images are {shape} but (n, h, w, 1 or 3) is needed; stack pictures of one size.")
         n, h, w, _ = shape
         if n < 3:
             raise InputError(f"{n} images came but normals need at least 3 under different lights; add photographs.")
+        if self.lights is not None and len(given) == 3 and given[0] != len(self.lights) == given[2]:
+            raise InputError(
+                f"images are {given} for {given[2]} lights but the pictures come first, (n, h, w); give "
+                "numpy.moveaxis(images, -1, 0)."
+            )
+        object.__setattr__(self, "mask", as_mask(self.mask, (h, w)))
+        if self.truth is not None:
+            object.__setattr__(self, "truth", as_normals(self.truth, "true normals"))
         if self.mask.shape != (h, w) or self.mask.dtype != bool:
             raise InputError(
                 f"mask is {self.mask.shape} {self.mask.dtype} but images are {(h, w)}; "
@@ -227,6 +240,19 @@ class Capture:
             raise InputError(
                 f"true normals are {self.truth.map.shape} but images are {(h, w)}; crop both with the same box."
             )
+
+    def __repr__(self) -> str:
+        n, h, w, c = self.images.shape
+        known = [name for name in ("lights", "lamps", "camera", "truth") if getattr(self, name) is not None]
+        return (
+            f"Capture({self.name!r}: {n} photographs of {h} x {w} x {c}, {int(self.mask.sum())} pixels on the mask, "
+            f"with {', '.join(known) or 'nothing else'})"
+        )
+
+    def _repr_png_(self) -> bytes:
+        from photonormal.notebook import capture_png
+
+        return capture_png(self)
 
     def known_lights(self) -> Lights:
         """The light directions (n, 3), or an error that says that they are missing."""
@@ -257,16 +283,23 @@ class Normals:
     Parameters
     ----------
     map : (h, w, 3) float32, unit inside `mask`, zero outside
-    mask : (h, w) bool, True where there is a normal; pixels that no light reached are not in it
+    mask : (h, w) bool, True where there is a normal; pixels that no light reached are not in it. None: where the map is
+        neither zero nor NaN
     expected_error_deg : (h, w) float32, how far each normal is expected to be off, in degrees; NaN outside `mask`. None
         where the method does not tell
     """
 
     map: np.ndarray
-    mask: np.ndarray
+    mask: np.ndarray = None  # pyright: ignore[reportAssignmentType]
     expected_error_deg: np.ndarray | None = None
 
     def __post_init__(self) -> None:
+        from photonormal.arrays import as_array
+
+        object.__setattr__(self, "map", as_array(self.map, "the normals"))
+        if self.mask is None:
+            nonzero = np.isfinite(self.map) & (self.map != 0)
+            object.__setattr__(self, "mask", nonzero.any(-1) if self.map.ndim == 3 else np.ones((), bool))
         if self.map.shape != (*self.mask.shape, 3) or self.mask.dtype != bool:
             raise InputError(
                 f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype} "
@@ -285,6 +318,20 @@ class Normals:
                 raise InputError(f"expected errors are {expected.shape} but normals {self.map.shape}; give one each.")
             kept = np.where(self.mask, expected, np.nan).astype(np.float32)
             object.__setattr__(self, "expected_error_deg", kept)
+
+    def __repr__(self) -> str:
+        h, w = self.mask.shape
+        e = self.expected_error_deg
+        off = "" if e is None or not self.mask.any() else f", expected to be off by {np.nanmean(e):.1f} degrees"
+        return f"Normals({h} x {w}, {int(self.mask.sum())} pixels on the mask{off})"
+
+    def _repr_png_(self) -> bytes:
+        from photonormal.notebook import normals_png
+
+        return normals_png(self)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return _array(self.map, dtype, copy)
 
 
 @dataclass(frozen=True)
@@ -312,6 +359,21 @@ class Surface:
         if self.K is not None and self.K.shape != (3, 3):
             raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed; give K alone.")
 
+    def __repr__(self) -> str:
+        h, w = self.mask.shape
+        known = self.depth[self.mask & np.isfinite(self.depth)]
+        span = f", depth from {known.min():.4g} to {known.max():.4g}" if known.size else ""
+        view = "orthographic" if self.K is None else "perspective"
+        return f"Surface({h} x {w}, {int(self.mask.sum())} pixels on the mask{span}, {view})"
+
+    def _repr_png_(self) -> bytes:
+        from photonormal.notebook import surface_png
+
+        return surface_png(self)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return _array(self.depth, dtype, copy)
+
 
 @dataclass(frozen=True)
 class Result:
@@ -335,11 +397,28 @@ class Result:
     intensities: np.ndarray | None
     report: dict[str, Any] = field(repr=False)
 
+    def __repr__(self) -> str:
+        method = self.report.get("method", "")
+        return f"Result({self.capture.name!r} by {method}: {self.normals!r}, report: {', '.join(self.report)})"
+
+    def _repr_png_(self) -> bytes:
+        return self.normals._repr_png_()
+
+
+def _array(values: np.ndarray, dtype: Any, copy: bool | None) -> np.ndarray:
+    """What ``numpy.asarray`` asks for."""
+    return np.array(values, dtype) if copy else np.asarray(values, dtype)
+
 
 def unit_lights(lights: Any, names: Sequence[str]) -> Lights:
     """Light directions of the images `names` as unit vectors (n, 3), float64; InputError where they can't be used."""
     n = len(names)
-    L = np.asarray(lights, dtype=np.float64)
+    try:
+        L = np.asarray(lights, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"lights are {str(lights)[:60]!r} but numbers ({n}, 3) are needed; give an array.") from None
+    if L.shape == (3, n) and n != 3:
+        raise InputError(f"lights are (3, {n}) but ({n}, 3) is needed, a row for each image; transpose them.")
     if L.shape != (n, 3):
         raise InputError(
             f"lights are {L.shape} but {n} images need ({n}, 3); give one direction for each image, in the same order."

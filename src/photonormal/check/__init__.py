@@ -18,9 +18,11 @@ def check(capture: Capture) -> list[Finding]:
     out where they are unknown. Where lamps are near, pictures are first made what distant ones would give, for a plane
     at the object's mean depth.
     """
+    from photonormal.arrays import as_capture
     from photonormal.check import coverage, explanations, exposure, lights, motion, positions, samples
     from photonormal.check.given import Distant, Near
 
+    capture = as_capture(capture)
     s, names = samples.read(capture), list(capture.image_names)
     found = [Finding("reading", False, note) for note in capture.notes]
     found += [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.arrays import as_normals
 from photonormal.geometry import known_frame
 from photonormal.types import InputError, Normals, Surface
 
@@ -15,7 +16,7 @@ LOG = logging.getLogger("photonormal")
 
 
 def save(
-    result: Normals | Surface,
+    result: Normals | Surface | np.ndarray,
     path: str | Path,
     normals: Normals | None = None,
     albedo: np.ndarray | None = None,
@@ -26,9 +27,9 @@ def save(
 
     Parameters
     ----------
-    result : Normals to ``.png`` (16-bit, (n + 1) / 2, green up, black outside), ``.exr`` or ``.npz``; a Surface to
-        ``.npz``, as heights to ``.png``, ``.tif`` (16-bit) or ``.exr``, as a mesh to ``.ply``, ``.obj``, ``.glb`` or
-        ``.stl``
+    result : Normals, or their map (h, w, 3), to ``.png`` (16-bit, (n + 1) / 2, green up, black outside), ``.exr`` or
+        ``.npz``; a Surface to ``.npz``, as heights to ``.png``, ``.tif`` (16-bit) or ``.exr``, as a mesh to ``.ply``,
+        ``.obj``, ``.glb`` or ``.stl``
     path : where; an existing file is replaced
     normals : vertex normals of a mesh
     albedo : (h, w, 3) in [0, 1], linear: vertex colours of a mesh
@@ -42,6 +43,8 @@ def save(
     from photonormal.disk import write
 
     path = Path(path)
+    if not isinstance(result, Surface):
+        result = as_normals(result)
     write(path, encoded(result, path.name, normals, albedo, frame, mm_per_px))
     return path
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from photonormal.arrays import as_normals
 from photonormal.types import InputError, Normals, Surface
 
 METHODS = {  # name -> "module:Class", imported only when asked for
@@ -32,12 +33,15 @@ def configure(method: str, **options: Any) -> Callable[[Normals, np.ndarray | No
     return cls(**options)
 
 
-def integrate(normals: Normals, method: str = DEFAULT, K: np.ndarray | None = None, **options: Any) -> Surface:
+def integrate(
+    normals: Normals | np.ndarray, method: str = DEFAULT, K: np.ndarray | None = None, **options: Any
+) -> Surface:
     """Depth from normals.
 
     Parameters
     ----------
-    normals : unit normals, x right, y up, z to the camera, on a mask that may have several parts and holes
+    normals : unit normals, x right, y up, z to the camera, on a mask that may have several parts and holes; or their
+        map (h, w, 3)
     method : a key of METHODS. `simchony` is the fastest, for masks that nearly fill their rectangle; `quadratic` serves
         any mask; `bilateral` lets the depth jump; `periodic` is for tiles, whose edges meet
     K : (3, 3) camera matrix of a perspective view in pixels (x right, y down, the first pixel's centre at (0, 0); a
@@ -56,6 +60,7 @@ def integrate(normals: Normals, method: str = DEFAULT, K: np.ndarray | None = No
         If the method or an option does not exist, `K` is no camera matrix, or the mask is empty.
     """
     solver = configure(method, **options)
+    normals = as_normals(normals)
     if not normals.mask.any():
         raise InputError("no pixel has a normal but integration needs some; check the mask.")
     return solver(normals, None if K is None else camera_matrix(K))

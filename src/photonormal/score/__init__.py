@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from photonormal.arrays import as_normals
 from photonormal.geometry import angle_deg
 from photonormal.types import InputError, Normals
 
@@ -42,14 +43,15 @@ def angular_error_deg(estimate: Normals, truth: Normals) -> Float[np.ndarray, " 
     return angle_deg(estimate.map[both], truth.map[both])
 
 
-def score(estimate: Normals, truth: Normals) -> Score:
+def score(estimate: Normals | np.ndarray, truth: Normals | np.ndarray | None) -> Score:
     """Mean and median angular error, and the shares of pixels below 15 and 30 degrees.
 
     Raises
     ------
     InputError
-        If the sizes differ or no pixel has both an estimate and a truth.
+        If the sizes differ, no pixel has both an estimate and a truth, or there is no truth.
     """
+    estimate, truth = as_normals(estimate), as_normals(truth, "true normals")
     error = angular_error_deg(estimate, truth)
     if not error.size:
         raise InputError("no pixel has both an estimated and a true normal; check that the masks overlap.")

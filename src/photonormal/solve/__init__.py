@@ -7,6 +7,7 @@ import re
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from photonormal.arrays import as_capture
 from photonormal.options import check
 from photonormal.types import Capture, InputError, Normals
 
@@ -106,7 +107,8 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     Parameters
     ----------
     capture : photographs, mask and light directions
-    method : a key of METHODS
+    method : networks: normalnet, lambertian-prior; classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table,
+        ward, consensus, monotonic, bipolynomial, bivariate
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name
 
@@ -120,6 +122,7 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
         If the method or an option does not exist, or the capture can't be solved by it.
     """
     solver = configure(method, **options)
+    capture = as_capture(capture)
     from photonormal.solve.engine import on_mask, run, with_lights
     from photonormal.solve.engine.device import torch_device
     from photonormal.solve.expected import with_expected_error

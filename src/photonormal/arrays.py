@@ -1,0 +1,80 @@
+"""Arrays as people have them, made what `photonormal.types` promises, or refused in one line."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from photonormal.types import Capture, InputError, Normals
+
+
+def as_array(value: Any, what: str) -> np.ndarray:
+    """Numbers in an array; InputError where there is none."""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows, or pictures, of several sizes
+        raise InputError(f"{what} have several sizes but one array is needed; cut them to one size.") from None
+    except (TypeError, RuntimeError) as error:  # such as a tensor on a GPU
+        line = str(error).strip().splitlines()[0][:200]
+        raise InputError(f"{what} are {type(value).__name__} ({line}) but an array is needed; make one.") from None
+    if array.dtype.kind not in "buif":
+        raise InputError(f"{what} are {type(value).__name__} of {array.dtype} but numbers are needed; give an array.")
+    return array
+
+
+def as_images(value: Any) -> Any:
+    """Pictures (n, h, w, c) float32, full scale at 1 if they are integers; what decodes them one by one stays."""
+    if not (isinstance(value, list | tuple) or hasattr(value, "__array__")):
+        if hasattr(value, "shape") and hasattr(value, "__getitem__"):
+            return value
+        raise InputError(
+            f"images are {type(value).__name__} but an array (n, h, w, 1 or 3) is needed; photonormal.load reads files."
+        )
+    images = as_array(value, "images")
+    if images.dtype.kind in "bi" or (images.dtype.itemsize > 2 and images.dtype.kind == "u"):
+        raise InputError(
+            f"images are {images.dtype}, whose full scale is not known, but uint8, uint16 or floats are needed; divide "
+            "them by it, such as images / 4095."
+        )
+    full = float(np.iinfo(images.dtype).max) if images.dtype.kind == "u" else 1.0
+    with np.errstate(over="ignore"):
+        images = images.astype(np.float32) / np.float32(full) if full > 1 else images.astype(np.float32, copy=False)
+    if images.ndim == 3 and images.shape[-1] > 0:  # grey
+        images = images[..., None]
+    if not np.isfinite(images).all():
+        raise InputError("images hold NaN, infinite or huge samples but finite ones are needed; replace them by 0.")
+    return images
+
+
+def as_mask(value: Any, shape: tuple[int, int]) -> np.ndarray:
+    """Where the object is, bool (h, w): what is brighter than half of the brightest; None is everywhere."""
+    if value is None:
+        return np.ones(shape, bool)
+    mask = as_array(value, "the mask")
+    if mask.dtype == bool or mask.shape != shape:
+        return mask
+    return mask > 0.5 * mask.max()
+
+
+def as_normals(value: Any, what: str = "normals") -> Normals:
+    """Normals as they are, or those of an array (h, w, 3)."""
+    if isinstance(value, Normals):
+        return value
+    if value is None or isinstance(value, str):
+        raise InputError(
+            f"the {what} are {value!r} but Normals or an array (h, w, 3) is needed; solve a capture, or read a file by "
+            "photonormal.load_normals."
+        )
+    return Normals(as_array(value, f"the {what}"))
+
+
+def as_capture(value: Any) -> Capture:
+    """A capture as it is; InputError for anything else."""
+    if isinstance(value, Capture):
+        return value
+    shown = repr(value) if isinstance(value, str) else f"{type(value).__name__}"
+    raise InputError(
+        f"{shown} came but a Capture is needed; give photonormal.load(folder), or "
+        "Capture(images, mask, lights) of arrays."
+    )

@@ -54,6 +54,13 @@ def test_masks_of_numbers(mask):
     assert (Capture(IMAGES, mask, LIGHTS).mask == TRUTH.mask).all()
 
 
+def test_what_is_no_number_is_dark_and_what_is_infinite_is_bright():
+    images = IMAGES.copy()
+    images[2, 20, 20], images[3, 20, 20], images[4, 21, 21] = np.nan, -np.inf, np.inf
+    found = np.asarray(Capture(images, TRUTH.mask, LIGHTS).images)
+    assert found[2, 20, 20] == found[3, 20, 20] == 0 and found[4, 21, 21] == IMAGES.max()
+
+
 def test_without_a_mask_all_pixels_are_on_the_object():
     assert Capture(IMAGES, lights=LIGHTS).mask.all()
 
@@ -64,7 +71,6 @@ def test_without_a_mask_all_pixels_are_on_the_object():
         (np.zeros((4, 5, 6), np.int64), "int64"),
         (np.zeros((4, 5, 6), bool), "bool"),
         (np.zeros((4, 5, 6), complex), "complex128"),
-        (np.full((4, 5, 6), np.nan), "NaN"),
         ([np.zeros((3, 4)), np.zeros((4, 3))], "several sizes"),
         ("folder", "photonormal.load reads files"),
         (np.array([["a"]]), "numbers are needed"),

@@ -24,7 +24,10 @@ def as_array(value: Any, what: str) -> np.ndarray:
 
 
 def as_images(value: Any) -> Any:
-    """Pictures (n, h, w, c) float32, full scale at 1 if they are integers; what decodes them one by one stays."""
+    """Pictures (n, h, w, c) float32, full scale at 1 if they are integers; what decodes them one by one stays.
+
+    What is no number becomes 0, which is dark; what is infinite becomes the brightest sample.
+    """
     if not (isinstance(value, list | tuple) or hasattr(value, "__array__")):
         if hasattr(value, "shape") and hasattr(value, "__getitem__"):
             return value
@@ -42,8 +45,9 @@ def as_images(value: Any) -> Any:
         images = images.astype(np.float32) / np.float32(full) if full > 1 else images.astype(np.float32, copy=False)
     if images.ndim == 3 and images.shape[-1] > 0:  # grey
         images = images[..., None]
-    if not np.isfinite(images).all():
-        raise InputError("images hold NaN, infinite or huge samples but finite ones are needed; replace them by 0.")
+    known = np.isfinite(images)
+    if not known.all():
+        images = np.nan_to_num(images, nan=0, posinf=images.max(where=known, initial=0), neginf=0)
     return images
 
 

@@ -9,6 +9,7 @@ from scipy.io import savemat
 
 from photonormal import load
 from photonormal.capture.lights import read_lights
+from photonormal.check import check
 from photonormal.types import InputError
 from tests.capture.files import LIGHTS, refusal, samples, write_folder, write_picture
 
@@ -157,12 +158,15 @@ class TestPrograms:
         assert "no directions" in refusal(read_lights, tmp_path / "a.dome")
 
     def test_alicevision(self, tmp_path):
-        lights = [{"direction": [str(v) for v in l], "intensity": [1, 2, "3"]} for l in LIGHTS]
+        lights = [{"viewId": "7", "direction": [str(v) for v in l], "intensity": [1, 2, "3"]} for l in LIGHTS]
         (tmp_path / "a.json").write_text(json.dumps({"lights": lights}))
         listed = read_lights(tmp_path / "a.json")
         np.testing.assert_allclose(listed.vectors, LIGHTS)
         assert listed.intensities is not None
         np.testing.assert_array_equal(listed.intensities, [[1, 2, 3]] * 4)
+        assert "order of AliceVision's views" in listed.notes[0]
+        (tmp_path / "a.json").write_text(json.dumps({"lights": [{"direction": [0] * 9, "type": "SH"}]}))
+        assert "type SH" in refusal(read_lights, tmp_path / "a.json")
 
     @pytest.mark.parametrize("text", ["", "[]", "{", '{"lights": 3}', '{"lights": [{"direction": [1, 2]}]}'])
     def test_other_json(self, tmp_path, text):
@@ -227,6 +231,8 @@ class TestNames:
         capture = load(folder)
         np.testing.assert_allclose(capture.known_lights(), LIGHTS, atol=1e-5)
         assert "names no pictures" in capture.notes[0]
+        found = [finding for finding in check(capture) if finding.kind == "reading"]
+        assert [finding.message for finding in found] == list(capture.notes)
 
     def test_row_numbers_are_no_names(self, folder):
         (folder / "lights.csv").write_text(

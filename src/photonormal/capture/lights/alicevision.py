@@ -1,6 +1,9 @@
-"""AliceVision's lights (`.json`): ``{"lights": [{"direction": [x, y, z], "intensity": [r, g, b]}, ...]}``.
+"""AliceVision's lights (`.json`).
 
-Its own frame has y down and z away from the camera: --frame y-down.
+    {"lights": [{"viewId": "17", "type": "directional", "direction": ["0.3", ...], "intensity": ["1", ...]}, ...]}
+
+Its own frame has y down and z away from the camera: --frame y-down. It lists lights in the order of its views' numbers,
+which are made of the pictures' content.
 """
 
 from __future__ import annotations
@@ -23,6 +26,8 @@ class Light(msgspec.Struct):
     """One light; numbers may be text."""
 
     direction: list[Any]
+    type: str = "directional"
+    viewId: str | int | None = None
     intensity: list[Any] | float | str | None = None
 
 
@@ -35,6 +40,8 @@ class Lights(msgspec.Struct):
 def read(path: Path) -> Table:
     """Directions, and intensities where all lights tell theirs."""
     lights = read_json(path, Lights, "a list of lights with directions is needed").lights
+    if any(light.type != "directional" for light in lights):
+        raise InputError(f"{path} holds lights of type {lights[0].type} but directional ones are needed; export those.")
     numbers = np.array([vector(light.direction, path) for light in lights])
     found = [light.intensity for light in lights]
     intensities = None
@@ -46,4 +53,9 @@ def read(path: Path) -> Table:
         if intensities.shape not in ((len(lights), 1), (len(lights), 3)):
             raise InputError(f"{path} has intensities that are neither one number nor red, green, blue; correct it.")
         positive(intensities, path)
-    return Table([], numbers, ("x", "y", "z"), intensities)
+    notes = ()
+    if any(light.viewId is not None for light in lights):
+        notes = (
+            f"{path.name} has its lights in the order of AliceVision's views: see that the pictures have it, too.",
+        )
+    return Table([], numbers, ("x", "y", "z"), intensities, notes)

@@ -121,11 +121,10 @@ def test_values_under_the_pointer(window):
     b.click('[data-value="move"]')
     b.drag(middle(b), tuple(v + 1 for v in middle(b)), press=False)
     text = b.wait("return document.getElementById('values').textContent")
-    assert (
-        re.search(r"Normal-?0\.0\d\d, -?0\.0\d\d, (0\.99\d|1\.000)", text)
-        and "Height" in text
-        and "True error0.0°" in text
-    )
+    assert re.search(r"Normal-?0\.0\d\d, -?0\.0\d\d, (0\.99\d|1\.000)", text)
+    assert "Height" in text and "True error0.0°" in text
+    red, green, blue = (int(v) for v in re.search(r"Albedo(\d+), (\d+), (\d+)", text).groups())
+    assert red == green == blue > 240  # evenly white, over its own brightest part
 
 
 def test_a_line_tells_the_sphere_s_height(window, result):

@@ -25,6 +25,18 @@ const measure = {
     return `${v.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : 2)} ${mm ? "mm" : "px"}`;
   },
 
+  // The colour of the albedo at a pixel, 0 to 255 as it is shown.
+  async colour(pane, x, y) {
+    const level = pane.about.first,
+      [px, py] = [x, y].map((v) => Math.floor((v + 0.5) / 2 ** level)),
+      [tx, ty] = [px, py].map((v) => Math.floor(v / SIDE));
+    const tile = await page.tiles.whole(pane.index, pane.about, "albedo", level, tx, ty);
+    if (!tile.picture) return null;
+    const pen = new OffscreenCanvas(1, 1).getContext("2d");
+    pen.drawImage(tile.picture, -(px - tx * SIDE + 1), -(py - ty * SIDE + 1));
+    return [...pen.getImageData(0, 0, 1, 1).data].slice(0, 3);
+  },
+
   async values(pane, x, y) {
     // rows of names and texts
     const { about } = pane,
@@ -39,6 +51,8 @@ const measure = {
       const [level] = await this.stored(pane, "height", Math.floor(x), Math.floor(y));
       rows.push(["Height", level ? this.length(about, this.height(about, level)) : "not known"]);
     }
+    const colour = about.layers.albedo && (await this.colour(pane, Math.floor(x), Math.floor(y)));
+    if (colour) rows.push(["Albedo", `${colour.join(", ")} of 255`]);
     for (const layer of ["expected", "error"])
       if (about.layers[layer]) {
         const [level] = await this.stored(pane, layer, Math.floor(x), Math.floor(y));

@@ -19,6 +19,7 @@ from photonormal.bench.store import read_truth
 from photonormal.bench.tables import tables
 from photonormal.export import load_normals
 from photonormal.score import error_map_deg
+from tests.view.test_planes import inflated
 
 CHROMIUM = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome")) if p), None)
 ACTS = """
@@ -33,9 +34,16 @@ addEventListener("load", async () => {
   const set = (id, value, kind) => { at(id).value = value; at(id).dispatchEvent(new Event(kind)); };
   set("object", "1", "change");
   await compare.choose(1);
-  set("left", "photograph", "input"); set("right", "true normals", "input"); set("wipe", "25", "input");
-  await compare.draw();
-  said.clip = at("over").style.clipPath;
+  set("left", "photograph", "change"); set("right", "true normals", "change"); set("wipe", "25", "input");
+  await compare.pick();
+  said.clip = at("line").style.left;
+  const pictures = at("pictures").getContext("webgl2"), colour = (x) => {
+    const found = new Uint8Array(4);
+    const {drawingBufferWidth: w, drawingBufferHeight: h, RGBA, UNSIGNED_BYTE} = pictures;
+    pictures.readPixels(Math.round(x * w), h >> 1, 1, 1, RGBA, UNSIGNED_BYTE, found);
+    return [...found];
+  };
+  if (pictures) { said.left = colour(0.22); said.right = colour(0.5); }
   said.drawn = document.body.dataset.drawn;
   const gl = at("surface").getContext("webgl2"), pixel = new Uint8Array(4);
   if (gl) { gl.readPixels(240, 240, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel); said.pixel = [...pixel]; }
@@ -120,13 +128,13 @@ def test_nothing_is_loaded_from_elsewhere(page):
 
 def test_it_holds_every_object_and_method(data):
     assert [o["name"] for o in data["objects"]] == ["ball", "bear", "cat"]
-    assert all(set(o["methods"]) == {"woodham", "trimmed"} and o["truth"] for o in data["objects"])
+    assert all(set(o["scores"]) == {"woodham", "trimmed"} and o["layers"]["truth"] for o in data["objects"])
 
 
 def test_error_levels_are_the_errors(runs, data):
     ball = data["objects"][0]
-    picture = base64.b64decode(ball["methods"]["woodham"]["error"].split(",")[1])
-    levels = cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_UNCHANGED)
+    tile = base64.b64decode(ball["tiles"]["error:woodham"])
+    levels = inflated(tile, (ball["height"] + 2, ball["width"] + 2, 1), np.uint8)[1:-1, 1:-1, 0]
     truth = read_truth(runs / "truth" / "diligent" / "ball.npz").normals
     expected = error_map_deg(load_normals(runs / "woodham" / "diligent" / "ball.npz"), truth)
     known = levels != data["unknown"]
@@ -157,6 +165,9 @@ def test_it_works_in_a_browser(runs, page, tmp_path):
     errors = {r.label: r.cells["ball"].value for r in tables(runs)[0].rows}
     assert said["up"] == sorted(errors, key=errors.__getitem__) and said["down"] == said["up"][::-1]
     assert said["drawn"] == "bear|photograph|true normals" and "25%" in said["clip"] and said["wide"]
+    if "left" in said:  # a grey photograph, and normals that face the camera
+        assert max(said["left"][:3]) - min(said["left"][:3]) < 8
+        assert said["right"][2] > 220 and max(said["right"][:2]) < 180
     assert "pixel" not in said or max(said["pixel"][:3]) < 250  # the surface is drawn in the middle
 
 

@@ -91,6 +91,11 @@ def evenly(items: Sequence[T], limit: int) -> list[T]:
     return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, min(limit, len(items))).round().astype(int))]
 
 
+def units() -> dict[str, int]:
+    """What the page has to know of the planes' integers."""
+    return {"unit": UNIT, "levels_per_degree": LEVELS_PER_DEGREE, "unknown": UNKNOWN}
+
+
 def exact(part: np.ndarray) -> bytes:
     """Integers (h, w, c), deflated without loss."""
     h, w, c = part.shape

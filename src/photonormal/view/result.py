@@ -21,16 +21,7 @@ from photonormal.options import NotNegative, Positive, Whole, check_value
 from photonormal.score import error_map_deg
 from photonormal.stored import read_json
 from photonormal.types import Capture, InputError, box_of
-from photonormal.view.planes import (
-    LEVELS_PER_DEGREE,
-    UNIT,
-    UNKNOWN,
-    Plane,
-    degrees_plane,
-    height_plane,
-    normals_plane,
-    plane,
-)
+from photonormal.view.planes import Plane, degrees_plane, height_plane, normals_plane, plane
 
 AGAIN = "measure again"
 KEPT = 4  # photographs that stay decoded
@@ -163,11 +154,6 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
         "notes": [] if missing is None else [missing],
     }
     return Shown(name, layers, about, _add_photographs(about, photographs, box))
-
-
-def units() -> dict[str, int]:
-    """What the page has to know of the planes' integers."""
-    return {"unit": UNIT, "levels_per_degree": LEVELS_PER_DEGREE, "unknown": UNKNOWN}
 
 
 def _report(folder: Path) -> Report:

@@ -10,8 +10,8 @@ from typing import Any
 from photonormal.disk import write
 from photonormal.types import InputError
 from photonormal.view.page import document, ramp, read
-from photonormal.view.planes import SIDE, evenly
-from photonormal.view.result import Shown, open_result, units
+from photonormal.view.planes import SIDE, evenly, units
+from photonormal.view.result import Shown, open_result
 
 SCRIPTS = (
     *("base", "source", "gl", "shading", "tiles", "picture", "surface", "light", "measure"),

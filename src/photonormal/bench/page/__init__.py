@@ -13,7 +13,7 @@ from photonormal.disk import refuse_taken, write
 from photonormal.progress import progress
 from photonormal.types import InputError
 from photonormal.view.page import document, ramp, read
-from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN
+from photonormal.view.planes import units
 
 HERE = Path(__file__).parent
 LIMIT = 12  # objects of a dataset with maps, unless they are named
@@ -59,11 +59,10 @@ def report(
     with progress("report", len(names)) as advance:
         data = {
             "colours": ramp(),
-            "levels_per_degree": LEVELS_PER_DEGREE,
-            "unknown": UNKNOWN,
+            **units(),
             "objects": list(objects(runs, whole, shown, LIMIT, surfaces, advance)),
         }
-    shared = [read(f"{name}.js") for name in ("base", "gl", "shading", "surface")]
+    shared = [read(f"{name}.js") for name in ("base", "gl", "shading", "tiles", "picture", "surface")]
     own = [_file(f"{name}.js") for name in ("relief", "compare", "sort")]
     body = _file("page.html").replace("[[tables]]", tables_html(found))
     write(out, document("photonormal benchmark", body, [_file("page.css")], shared + own, data).encode())

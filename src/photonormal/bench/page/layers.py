@@ -14,9 +14,8 @@ from photonormal.bench.store import Truth, read_truth, truth_path
 from photonormal.integrate import integrate
 from photonormal.score import error_map_deg
 from photonormal.types import Normals
-from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN, evenly
+from photonormal.view.planes import SIDE, degrees_plane, evenly, normals_plane, plane
 
-SIDE = 512  # pixels; larger pictures are reduced to it
 SURFACE_SIDE = 256
 MARGIN = 3
 
@@ -42,26 +41,26 @@ def _object(dataset: str, name: str, truth: Truth, found: list[Scored], surfaces
         max(0, rows[0] - MARGIN) : rows[-1] + 1 + MARGIN, max(0, columns[0] - MARGIN) : columns[-1] + 1 + MARGIN
     ]
     ranked = sorted(found, key=lambda s: s.score["mean_deg"] if s.score else 0.0)
-    methods = {}
+    photograph = _reduced(truth.photograph[box])
+    planes = {"photograph": plane("colour", photograph)}
+    if truth.normals is not None:
+        planes["truth"] = normals_plane(_reduced(truth.normals.map[box]))
     for s in ranked:
-        map = s.prediction.normals()
-        methods[s.prediction.label] = {
-            "normals": _picture(_coloured(map)[box], ".webp"),
-            "error": None
-            if truth.normals is None
-            else _picture(_levels(error_map_deg(map, truth.normals))[box], ".png"),
-            "score": s.score,
-        }
+        normals = s.prediction.normals()
+        planes[f"normals:{s.prediction.label}"] = normals_plane(_reduced(normals.map[box]))
+        if truth.normals is not None:
+            error = error_map_deg(normals, truth.normals)
+            planes[f"error:{s.prediction.label}"] = degrees_plane(_reduced(error[box]))
     best = ranked[0].prediction
-    h, w = _reduced(truth.mask[box]).shape
+    h, w = photograph.shape[:2]
     return {
         "dataset": dataset,
         "name": name,
         "width": w,
         "height": h,
-        "photograph": _picture(truth.photograph[box], ".webp"),
-        "truth": None if truth.normals is None else _picture(_coloured(truth.normals)[box], ".webp"),
-        "methods": methods,
+        "layers": {key: p.kind for key, p in planes.items()},
+        "tiles": {key: base64.b64encode(p.tile(0, 0, 0)).decode() for key, p in planes.items()},
+        "scores": {s.prediction.label: s.score for s in ranked},
         "surface": _surface(best.normals(), box) | {"method": best.label} if surfaces else None,
     }
 
@@ -84,28 +83,7 @@ def _surface(normals: Normals, box: tuple[slice, slice]) -> dict[str, Any]:
     }
 
 
-def _coloured(normals: Normals) -> np.ndarray:
-    picture = np.rint(127.5 * (normals.map + 1)).astype(np.uint8)
-    picture[~normals.mask] = 255
-    return picture
-
-
-def _levels(error: np.ndarray) -> np.ndarray:
-    level = np.rint(LEVELS_PER_DEGREE * np.nan_to_num(error)).clip(0, UNKNOWN - 1)
-    return np.where(np.isnan(error), UNKNOWN, level).astype(np.uint8)
-
-
 def _reduced(picture: np.ndarray) -> np.ndarray:
+    """Every so many of its pixels, so that it is one tile."""
     step = int(np.ceil(max(picture.shape[:2]) / SIDE))
     return picture[::step, ::step]
-
-
-def _picture(picture: np.ndarray, ending: str) -> str:
-    """A data address. Error levels are kept exactly, other pictures nearly."""
-    import cv2
-
-    picture = _reduced(picture)
-    bgr = np.ascontiguousarray(picture[..., ::-1] if picture.ndim == 3 else picture)
-    quality = [cv2.IMWRITE_WEBP_QUALITY, 88] if ending == ".webp" else []
-    data = base64.b64encode(cv2.imencode(ending, bgr, quality)[1].tobytes()).decode()
-    return f"data:image/{ending[1:]};base64,{data}"

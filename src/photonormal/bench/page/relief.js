@@ -36,8 +36,8 @@ const relief = {
     this.draw();
   },
 
-  async show(s, picture) {
-    // s: heights as bench/page/layers.py has them; picture: the method's normals in colours
+  show(s, tile) {
+    // s: heights as bench/page/layers.py has them; tile: the method's normals
     const canvas = at("surface"),
       said = at("surface-said");
     canvas.parentElement.hidden = !s;
@@ -54,25 +54,14 @@ const relief = {
       h,
       Float32Array.from(level, (v) => (v ? ((v - 1) / 65534 - 0.5) * s.range : NaN)),
     );
-    this.size = [w, h];
-    this.surface.normals(w, h, await this.vectors(picture, level, w, h));
+    this.size = [tile.w - 2, tile.h - 2];
+    this.surface.normals(
+      ...this.size,
+      Float32Array.from(tile.values, (v) => v / data.unit),
+    );
     Object.assign(this.surface, { turn: 0.6, tilt: 0.35, zoom: 1 });
     this.draw();
     document.body.dataset.surface = String(this.surface.count / 3);
-  },
-
-  async vectors(picture, level, w, h) {
-    // with a rim of one pixel, zero where there is no height
-    const pen = new OffscreenCanvas(w, h).getContext("2d");
-    pen.imageSmoothingEnabled = false; // the white around the object must not mix in
-    pen.drawImage(await picture, 0, 0, w, h);
-    const colours = pen.getImageData(0, 0, w, h).data,
-      found = new Float32Array(3 * (w + 2) * (h + 2));
-    for (let y = 0, i = 0; y < h; y++)
-      for (let x = 0; x < w; x++, i++)
-        if (level[i])
-          for (let c = 0; c < 3; c++) found[3 * ((y + 1) * (w + 2) + x + 1) + c] = colours[4 * i + c] / 127.5 - 1;
-    return found;
   },
 
   draw() {

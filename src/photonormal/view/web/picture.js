@@ -1,4 +1,5 @@
 // A result seen from the front: any layer of it, from tiles, at any size.
+const DRAWN = ["relit", "normals", "albedo", "height", "degrees", "photograph"]; // what the shader knows to draw
 const LAYERS = {
   relit: "Relit",
   photograph: "Photograph",
@@ -65,10 +66,10 @@ class Picture {
     gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGB8, ramp.length / 3, 1, 0, gl.RGB, gl.UNSIGNED_BYTE, ramp);
   }
 
+  // what: one of DRAWN; needs: names of the stored layers that it is drawn from, as normals, colour and numbers;
   // pane: box in device pixels from the lower left; part: the columns of it to draw; frame: where the picture lies in it.
-  draw(index, about, layer, pane, part, frame, look, photograph) {
-    const gl = this.gl,
-      stored = layer === "photograph" ? `photograph-${photograph}` : layer;
+  draw(index, about, what, needs, pane, part, frame, look) {
+    const gl = this.gl;
     gl.viewport(pane.x, pane.y, pane.w, pane.h);
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(pane.x + part[0], pane.y, Math.max(0, part[1] - part[0]), pane.h);
@@ -83,23 +84,18 @@ class Picture {
       colour: { int: 1 },
       numbers: { int: 2 },
       ramp: { int: 3 },
-      layer: { int: { relit: 0, normals: 1, albedo: 2, height: 3, expected: 4, error: 4, photograph: 5 }[layer] },
+      layer: { int: DRAWN.indexOf(what) },
     });
     gl.activeTexture(gl.TEXTURE3);
     gl.bindTexture(gl.TEXTURE_2D, this.ramp);
-    const needs = {
-      relit: look.mode === "matt" ? ["normals"] : ["normals", "albedo"],
-      normals: ["normals"],
-      albedo: ["normals", "albedo"],
-    }[layer] || [stored];
-    const units = { normals: 0, albedo: 1, height: 2, expected: 2, error: 2, [stored]: layer === "photograph" ? 1 : 2 };
-    if (needs.includes("normals")) units.normals = 0;
+    const units = ["normals", "colour", "numbers"].filter((unit) => needs[unit]); // of the textures, in order
+    const names = units.map((unit) => needs[unit]);
     const last = about.sizes.length - 1;
-    const first = layer === "photograph" ? about.first_photograph : about.first;
+    const first = what === "photograph" ? about.first_photograph : about.first;
     const level = Math.max(first, Math.min(last, Math.floor(Math.log2(1 / frame.scale) + 0.3)));
     for (let l = last; l >= level; l--) {
       const [w, h] = about.sizes[l],
-        size = frame.scale * (about.width / w); // device pixels of one of the level's
+        size = frame.scale * 2 ** l; // device pixels of one of the level's
       const span = (from, to, count) => [
         Math.max(0, Math.floor(from / SIDE)),
         Math.min(Math.ceil(count / SIDE) - 1, Math.floor(to / SIDE)),
@@ -111,13 +107,13 @@ class Picture {
           if (
             l !== level &&
             l !== last &&
-            !needs.every((n) => this.tiles.kept.has(`tile/${index}/${n}/${l}/${x}/${y}`))
+            !names.every((n) => this.tiles.kept.has(`tile/${index}/${n}/${l}/${x}/${y}`))
           )
             continue;
-          const found = needs.map((n) => this.tiles.get(index, about, n, l, x, y));
+          const found = names.map((n) => this.tiles.get(index, about, n, l, x, y));
           if (!found.every(Boolean)) continue;
           found.forEach((tile, k) => {
-            gl.activeTexture(gl.TEXTURE0 + units[needs[k]]);
+            gl.activeTexture(gl.TEXTURE0 + ["normals", "colour", "numbers"].indexOf(units[k]));
             gl.bindTexture(gl.TEXTURE_2D, tile.texture);
           });
           const tw = found[0].w - 2,

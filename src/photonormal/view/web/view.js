@@ -139,12 +139,20 @@ const page = {
   drawPicture(p) {
     const cut = this.second ? Math.round(this.border * p.pane.w) : 0;
     const look = { ...this.look, mode: this.look.mode === "matt" || p.about.layers.albedo ? this.look.mode : "matt" };
+    const needs = {
+      relit: { normals: "normals", colour: look.mode === "matt" ? null : "albedo" },
+      normals: { normals: "normals" },
+      albedo: { normals: "normals", colour: "albedo" },
+      photograph: { colour: `photograph-${p.photograph}` },
+    };
     for (const [layer, part] of [
       [this.second, [0, cut]],
       [this.first, [cut, p.pane.w]],
-    ])
-      if (layer && part[1] > part[0] && (layer !== "photograph" || p.photograph !== null))
-        this.picture.draw(p.index, p.about, layer, p.pane, part, p.frame, look, p.photograph);
+    ]) {
+      if (!layer || part[1] <= part[0] || (layer === "photograph" && p.photograph === null)) continue;
+      const what = p.about.layers[layer] === "degrees" ? "degrees" : layer;
+      this.picture.draw(p.index, p.about, what, needs[layer] || { numbers: layer }, p.pane, part, p.frame, look);
+    }
   },
 
   drawSurface(p) {

@@ -26,7 +26,7 @@ test: $(READY)
 	$(VENV)/bin/python -m pytest -q
 
 fuzz: $(READY)
-	$(VENV)/bin/python -m tests.fuzz.stored_files --count 2000
+	$(VENV)/bin/python -m tests.fuzz.stored_files --cases 2000
 	$(VENV)/bin/python -m tests.fuzz.captures --cases 10000
 
 crash: $(READY)

@@ -7,21 +7,21 @@ prints each case that misbehaves, and how many did.
 
 from __future__ import annotations
 
-import argparse
 import os
 import re
 import shutil
 import struct
+import sys
 import tempfile
 import zlib
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from tests.capture.files import write_picture
-from tests.fuzz.drive import Driver
+from tests.fuzz.bombs import BOMBS
+from tests.fuzz.drive import Driver, campaign
 
 SHAPE = (12, 10)
 LIGHTS = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8], [-0.48, 0.36, 0.8]])
@@ -68,7 +68,7 @@ def plain(folder: Path, suffix: str, dtype: type, channels: int = 3, **options: 
 def with_exif(folder: Path) -> list[str]:
     command = plain(folder, ".jpg", np.uint8)
     tiff = struct.pack("<2sHI", b"II", 42, 8) + struct.pack("<HHHIII", 1, 0x8769, 4, 1, 26, 0)
-    tiff += struct.pack("<HHHIIHHIII", 2, 0x829A, 5, 1, 60, 0x8827, 3, 1, 100, 0) + struct.pack("<II", 1, 50)
+    tiff += struct.pack("<HHHIIHHIII", 2, 0x829A, 5, 1, 56, 0x8827, 3, 1, 100, 0) + struct.pack("<II", 1, 50)
     block = b"Exif\0\0" + tiff
     for j in range(4):
         file = folder / f"{j + 1}.jpg"
@@ -172,6 +172,28 @@ def lens(folder: Path, name: str) -> list[str]:
     return [*command, "--lens", name]
 
 
+def camera(folder: Path) -> list[str]:
+    command = plain(folder, ".png", np.uint8)
+    np.savetxt(folder / "K.txt", [[30, 0, 5], [0, 30, 6], [0, 0, 1]], fmt="%.2f")
+    return [*command, "--camera", "K.txt"]
+
+
+def options(folder: Path) -> list[str]:
+    """Files that options name, in place of the capture's own."""
+    command = plain(folder, ".png", np.uint8)
+    np.savetxt(folder / "other.txt", LIGHTS, fmt="%.3f")
+    np.savetxt(folder / "levels.txt", np.ones((4, 3)), fmt="%.3f")
+    write_picture(folder / "given" / "mask.png", np.full((*SHAPE, 1), 255, np.uint8))
+    return [*command, "--lights", "other.txt", "--intensities", "levels.txt", "--mask", "given/mask.png"]
+
+
+def near(folder: Path) -> list[str]:
+    """Lamps near the object, at positions in mm."""
+    command = plain(folder, ".png", np.uint8)
+    np.savetxt(folder / "light_positions.txt", 300 * LIGHTS, fmt="%.1f")
+    return [*command, "--mm-per-px", "0.5", "--lights", "light_positions.txt"]
+
+
 def normals(folder: Path, suffix: str) -> list[str]:
     map = np.tile([0.0, 0, 1], (*SHAPE, 1)).astype(np.float32)
     if suffix == ".npz":
@@ -202,6 +224,9 @@ KINDS: dict[str, Callable[[Path], list[str]]] = {
     "luces": luces,
     "mat": truth,
     "corrections": corrections,
+    "camera": camera,
+    "options": options,
+    "near": near,
     **{f"lens {n}": lambda folder, n=n: lens(folder, n) for n in (*LENS, "lens.npz")},
     **{f"normals {s}": lambda folder, s=s: normals(folder, s) for s in (".npz", ".exr", ".png")},
 }
@@ -292,39 +317,29 @@ def write(folder: Path, seed: int) -> tuple[str, list[str]]:
             continue
         if rng.random() < 0.15:
             misuse(folder, file, rng)
+        elif file.suffix in BOMBS and rng.random() < 0.05:
+            BOMBS[file.suffix](file)
         else:
             file.write_bytes(damage(file.read_bytes(), rng))
     return kind, command
 
 
+def with_out(command: list[str], place: Path) -> list[str]:
+    """The command with what it writes lying in `place`."""
+    out = ["out", "--method", "woodham"] if command[0] == "measure" else ["out.ply"]
+    return [*command, "--out", str(place / out[0]), *out[1:]]
+
+
 def faults(driver: Driver, seed: int) -> list[str]:
     """What goes wrong with the capture of a seed."""
-    with tempfile.TemporaryDirectory() as place:
-        folder, out = Path(place) / "capture", Path(place) / "out"
-        folder.mkdir()
-        kind, command = write(folder, seed)
-        how = ["--method", "woodham"] if command[0] == "measure" else []
-        target = out if command[0] == "measure" else Path(place) / "mesh.ply"
-        found = driver.faults(folder, *command, "--out", str(target), *how)
-        left = [p.name for p in Path(place).iterdir() if p not in (folder, target)]
-        return [f"{seed} {kind}: {f}" for f in found + [f"left {name!r}" for name in left]]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--cases", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=0)
-    options = parser.parse_args()
-    kinds: Counter[str] = Counter()
-    with Driver() as driver:
-        for seed in range(options.seed, options.seed + options.cases):
-            found = faults(driver, seed)
-            kinds.update(["faults"] if found else ["well"])
-            for fault in found:
-                print(fault, flush=True)
-    print(f"{options.cases} malformed captures, {kinds['faults']} misbehaved")
-    raise SystemExit(bool(kinds["faults"]))
+    with tempfile.TemporaryDirectory() as temporary:
+        place = Path(temporary)
+        (place / "capture").mkdir()
+        kind, command = write(place / "capture", seed)
+        found = driver.faults(place / "capture", *with_out(command, place))
+        left = {p.name for p in place.iterdir()} - {"capture", "out", "out.ply"}
+        return [f"{seed} {kind}: {f}" for f in found + [f"left {name!r}" for name in sorted(left)]]
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(campaign("malformed captures", 10_000, faults, Driver()))

@@ -4,10 +4,19 @@ import sys
 
 import pytest
 
-from tests.fuzz.captures import KINDS, faults
+from tests.fuzz.captures import KINDS, faults, with_out
 from tests.fuzz.drive import Driver
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the driver reads /proc")
+
+
+def test_sound_captures_of_every_kind_are_measured(tmp_path):
+    with Driver() as driver:
+        for kind, write in KINDS.items():
+            folder = tmp_path / kind / "capture"
+            folder.mkdir(parents=True)
+            assert driver.faults(folder, *with_out(write(folder), folder.parent)) == [], kind
+    assert driver.ends == {"done": len(KINDS)}
 
 
 def test_malformed_captures_of_every_kind():

@@ -1,16 +1,17 @@
 """Some changed stored files; `make fuzz` tries 2,000."""
 
-import os
-import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+import pytest
+
+from tests.fuzz.drive import Driver
+from tests.fuzz.stored_files import KINDS, faults, originals
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the driver reads /proc")
 
 
-def test_changed_files_are_read_or_refused_in_one_line():
-    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}"}
-    command = [sys.executable, "-m", "tests.fuzz.stored_files", "--count", "36"]
-    ended = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
-    assert ended.returncode == 0, ended.stdout + ended.stderr
-    assert "'refused': " in ended.stdout and "'done': " in ended.stdout
+def test_changed_files_are_read_or_refused_in_one_line(tmp_path):
+    originals(tmp_path)
+    with Driver("tests.fuzz.stored_files:command") as driver:
+        assert [fault for seed in range(5 * len(KINDS)) for fault in faults(driver, tmp_path, seed)] == []
+    assert set(driver.ends) == {"done", "refused in one line"}

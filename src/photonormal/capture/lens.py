@@ -50,7 +50,8 @@ def read_lens(path: Path) -> Lens:
         If the file can't be read, or holds no finite camera matrix (3, 3) and distortion coefficients.
     """
     if path.suffix.lower() == ".npz":
-        values: dict[str, Any] = read_npz(path, "save it again", tuple(name for names in NAMES for name in names))
+        wanted = tuple(name for names in NAMES for name in names)
+        values: dict[str, Any] = read_npz(path, "save it again", wanted, LARGEST)
     else:
         values = _parsed(path)
     found = [next((values[n] for n in names if values.get(n) is not None), None) for names in NAMES]

@@ -68,13 +68,16 @@ def read_bytes(path: Path, what: str, at_most: int | None = None) -> bytes:
         raise InputError(f"{path} can't be read ({error.strerror}) but {what} is needed; check it.") from None
 
 
-def read_npz(path: Path, advice: str, names: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
+def read_npz(
+    path: Path, advice: str, names: tuple[str, ...] | None = None, at_most: int | None = None
+) -> dict[str, np.ndarray]:
     """The arrays of an .npz file, of numbers only, or those of `names` that it holds; none is unpickled.
 
     Raises
     ------
     InputError
-        If the file can't be read, or its arrays would take more memory than allowed; `advice` says what to do.
+        If the file can't be read, or its arrays would take more bytes than `at_most` or the memory allows; `advice`
+        says what to do.
     """
     from zipfile import ZipFile
 
@@ -82,7 +85,10 @@ def read_npz(path: Path, advice: str, names: tuple[str, ...] | None = None) -> d
         with open_file(path) as file, ZipFile(file) as archive:
             members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
             chosen = {name: info for name, info in members.items() if names is None or name in names}
-            memory.check(sum(info.file_size for info in chosen.values()), f"what {path} holds")
+            size = sum(info.file_size for info in chosen.values())
+            if at_most is not None and size > at_most:
+                raise ValueError(f"it holds {memory.text_of(size)} but {memory.text_of(at_most)} at most is needed")
+            memory.check(size, f"what {path} holds")
             found = {}
             for name, info in chosen.items():
                 with archive.open(info) as stream:

@@ -46,12 +46,19 @@ def _albedo(
         cos = np.einsum("pi,pni->pn", N, capture.lights_at[pixels])
     S = np.maximum(cos, 0)
     weighted = np.zeros((len(N), capture.images.shape[3]), np.float32)
-    lock = threading.Lock()
+    turns, turn = threading.Condition(), 0  # added in order, or the last bits would differ from run to run
 
     def add(j: int) -> None:
-        part = S[:, j, None] * capture.window(j, *window)[on]
-        with lock:
-            weighted.__iadd__(part)
+        nonlocal turn
+        part = np.float32(0)
+        try:
+            part = S[:, j, None] * capture.window(j, *window)[on]
+        finally:  # after an error, too: the next ones wait
+            with turns:
+                turns.wait_for(lambda: turn == j)
+                weighted.__iadd__(part)
+                turn += 1
+                turns.notify_all()
 
     capture.each_image(add)
     return weighted / np.maximum((S**2).sum(1, keepdims=True), 1e-6)

@@ -19,7 +19,7 @@ import tempfile
 from collections import Counter
 from pathlib import Path
 
-from tests.crash.jobs import JOBS, Job
+from tests.crash.jobs import JOBS
 from tests.crash.run import Ended, Kill, load, run
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)

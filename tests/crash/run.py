@@ -132,7 +132,8 @@ def load(work: Work) -> None:
             return code
 
         run(noted).well()
-        for name in names.file.read().decode().split("\n"):
+        names.seek(0)  # where the process wrote
+        for name in names.read().decode().split("\n"):
             with contextlib.suppress(Exception):
                 importlib.import_module(name)
     logging.disable()  # tests call what tells of kills, too

@@ -20,7 +20,7 @@ from collections import Counter
 from pathlib import Path
 
 from tests.crash.jobs import JOBS
-from tests.crash.run import Ended, Kill, load, run
+from tests.crash.run import Ended, Kill, command, load, run
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
 
@@ -80,6 +80,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     os.environ.pop("PHOTONORMAL_DATA", None)  # a training would validate on it
+    load(command("methods"))  # what all jobs need
     rows, faults = [], 0
     for name in given.jobs:
         with tempfile.TemporaryDirectory() as place:

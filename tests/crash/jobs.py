@@ -184,7 +184,7 @@ def training(out: Path) -> Work:
 
 
 def weights(out: Path) -> list:
-    """The step of a training, a digest of the tensors of its checkpoint, and one of its weights file, if there is one."""
+    """The step of a training, a digest of its checkpoint's tensors, and one of its weights file's, if there is one."""
     import torch
     from safetensors.torch import load_file
 

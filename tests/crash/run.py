@@ -21,6 +21,7 @@ from typing import Any
 
 CHANGES = {"os.mkdir", "os.rename", "os.remove", "os.rmdir", "os.truncate", "os.chmod", "shutil.rmtree"}
 LONGEST_S = 600
+CORES = os.cpu_count() or 1
 Work = Callable[[], int]  # what a process does; returns its exit code
 
 
@@ -82,7 +83,8 @@ def run(work: Work, kill: Kill | None = None) -> Ended:
                 kill = None
             if time.monotonic() - began > LONGEST_S:
                 os.kill(process, signal.SIGKILL)
-            time.sleep(0.0005)
+            to_wait_s = kill.after_s - computed_s if kill else LONGEST_S
+            time.sleep(min(max(to_wait_s / CORES, 0.0005), 0.02))
         errors.seek(0)
         said = errors.read().decode("utf-8", "replace")
     code = os.waitstatus_to_exitcode(status)

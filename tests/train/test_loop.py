@@ -105,6 +105,13 @@ def test_a_moment_is_time_for_one_step(tmp_path):
     assert checkpoint.load(tmp_path, TINY.as_dict())["step"] == 1
 
 
+class Huge:
+    """Becomes a bytearray of 100 GB when it is unpickled, which torch's restricted reader allows."""
+
+    def __reduce__(self):
+        return bytearray, (10**11,)
+
+
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory):
     out = tmp_path_factory.mktemp("trained")
@@ -122,6 +129,8 @@ def trained(tmp_path_factory):
         lambda state: state.update(mean={k: v[:1] for k, v in state["mean"].items()}),
         lambda state: state.update(optimiser={"0": 1}),
         lambda state: state["optimiser"]["0"]["state"][0].update(exp_avg=torch.ones(7)),
+        lambda state: state["optimiser"]["0"]["state"][0].update(exp_avg=torch.ones(1).expand(10**12)),
+        lambda state: state.update(optimiser=Huge()),
     ],
 )
 def test_a_checkpoint_of_another_shape_is_refused_in_one_line(trained, tmp_path, change):
@@ -132,6 +141,11 @@ def test_a_checkpoint_of_another_shape_is_refused_in_one_line(trained, tmp_path,
     with pytest.raises(InputError, match=r"^checkpoint (in )?\S+ .*; start again\.$"):
         run(tmp_path, resume=True, steps=4)
     assert (tmp_path / checkpoint.NAME).read_bytes() == before
+
+
+def test_lightning_prints_nothing_of_its_own(capfd):
+    loop.launched("cpu", "bf16")
+    assert capfd.readouterr() == ("", "")
 
 
 def test_a_flat_training_made_longer_is_what_a_longer_one_would_have_been(tmp_path):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import io
+import pickletools
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
@@ -16,6 +17,7 @@ from photonormal.stored import converted
 from photonormal.types import InputError
 
 NAME = "checkpoint.pt"
+MADE = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2"}  # what a checkpoint is made of, and storages
 
 
 class State(TypedDict):
@@ -47,9 +49,12 @@ def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ())
         with zipfile.ZipFile(path) as archive:  # nothing in it is larger than the file
             if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
                 raise ValueError("it is compressed")
+            _check_makers(next(archive.read(name) for name in archive.namelist() if name.endswith("data.pkl")))
         state = torch.load(path, map_location="cpu", weights_only=True)
+        if any(t.numel() * t.itemsize > t.untyped_storage().nbytes() for t in _tensors(state, set())):
+            raise ValueError("a tensor claims more numbers than there are")
     except Exception as error:  # a damaged file fails in many ways
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
+        reason = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
         raise InputError(f"checkpoint {path} can't be read ({reason}); start again.") from None
     state = converted(state, State, f"checkpoint {path}", "start again")
     if list(data) != state.get("data", []):
@@ -60,7 +65,7 @@ def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ())
             f"checkpoint {path} learned from {needed} but {came} came, or what these hold has changed; "
             "resume with its own --data."
         )
-    differs = sorted(k for k in recipe if _plain(recipe[k]) != _plain(state["recipe"].get(k)))
+    differs = sorted(k for k in recipe if not _same(recipe[k], state["recipe"].get(k)))
     if differs:
         raise InputError(f"checkpoint {path} has another {differs[0]} than this recipe; resume with its own recipe.")
     return state
@@ -73,5 +78,31 @@ def fits(out: Path, kept: dict[str, torch.Tensor], needed: dict[str, torch.Tenso
         raise InputError(f"checkpoint in {out} does not fit the recipe's network; start again.")
 
 
-def _plain(value: Any) -> Any:
-    return [_plain(v) for v in value] if isinstance(value, tuple | list) else value
+def _check_makers(pickled: bytes) -> None:
+    """ValueError where a file asks for more than tensors, which torch would make of any size."""
+    for operation, argument, _ in pickletools.genops(pickled):
+        if operation.name in ("GLOBAL", "STACK_GLOBAL", "INST"):
+            asked = str(argument)
+            if asked not in MADE and not (asked.startswith("torch ") and asked.endswith("Storage")):
+                raise ValueError(f"it asks for {asked}")
+
+
+def _tensors(value: Any, seen: set[int]) -> Iterator[torch.Tensor]:
+    """All tensors in nested lists and dictionaries, which may hold each other."""
+    if isinstance(value, torch.Tensor):
+        yield value
+    elif isinstance(value, dict | list | tuple) and id(value) not in seen:
+        seen.add(id(value))
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _tensors(inner, seen)
+
+
+def _same(needed: Any, kept: Any) -> bool:
+    """Whether a value of a recipe is kept; a list may stand for a tuple. Looks no deeper than the recipe goes."""
+    if isinstance(needed, dict):
+        return (
+            isinstance(kept, dict) and needed.keys() == kept.keys() and all(_same(needed[k], kept[k]) for k in needed)
+        )
+    if isinstance(needed, tuple | list):
+        return isinstance(kept, tuple | list) and len(needed) == len(kept) and all(map(_same, needed, kept))
+    return isinstance(kept, bool | int | float | str | None) and needed == kept

@@ -16,6 +16,7 @@ import msgspec
 import torch
 
 from photonormal.disk import lock, unwritable
+from photonormal.train.board import Board
 from photonormal.types import InputError
 
 log = logging.getLogger(__name__)
@@ -37,9 +38,7 @@ class Journal:
         self.last_step, self.last_time = step, time.monotonic()
         self.losses: list[torch.Tensor] = []
         try:
-            from torch.utils.tensorboard import SummaryWriter
-
-            self.board: Any = SummaryWriter(out / "tensorboard", purge_step=step)
+            self.board: Board | None = Board(out / "tensorboard", step)
         except ImportError:
             self.board = None
         self.bar: Any = None
@@ -80,8 +79,7 @@ class Journal:
         self._add(msgspec.json.encode(entry) + b"\n")
         log.info("step %d, %s: %s", step, kind, ", ".join(f"{k} {v:.4g}" for k, v in values.items()))
         if self.board:
-            for k, v in values.items():
-                self.board.add_scalar(f"{kind}/{k}", v, step)
+            self.board.write(kind, values, step)
 
     def _add(self, line: bytes) -> None:
         """A whole line, or none."""

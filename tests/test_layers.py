@@ -6,7 +6,21 @@ from pathlib import Path
 import pytest
 
 SOURCE = Path(__file__).parents[1] / "src" / "photonormal"
-BASE = {"types", "geometry", "shading", "disk", "files", "options", "stored", "png", "curl", "arrays", "notebook"}
+BASE = {
+    "types",
+    "geometry",
+    "shading",
+    "disk",
+    "files",
+    "options",
+    "stored",
+    "png",
+    "curl",
+    "lookup",
+    "srgb",
+    "arrays",
+    "notebook",
+}
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
     "arrays": {"types"},
@@ -15,6 +29,8 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "files": {"types", "png"},
     "geometry": {"types"},
     "curl": set(),
+    "lookup": set(),
+    "srgb": set(),
     "shading": set(),
     "disk": {"types"},
     "options": {"types"},

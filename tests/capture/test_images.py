@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from photonormal.capture import store
-from photonormal.capture.images import ImageFiles, read_mask, srgb_to_linear
+from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.srgb import to_linear
 from photonormal.types import Capture, box_of
 from tests.capture.files import LIGHTS, MASK, box, refusal, samples, write_picture
 
@@ -108,7 +109,7 @@ def test_floats_need_not_saturate(tmp_path):
 class TestEncoded:
     def test_known_values_of_the_standard(self):
         encoded = np.array([0, 0.04045, 0.5, 1])
-        np.testing.assert_allclose(srgb_to_linear(encoded), [0, 0.0031308, 0.2140411, 1], rtol=1e-5)
+        np.testing.assert_allclose(to_linear(encoded), [0, 0.0031308, 0.2140411, 1], rtol=1e-5)
 
     @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
     def test_samples_are_linearised_before_the_division(self, tmp_path, dtype):
@@ -116,7 +117,7 @@ class TestEncoded:
         full = np.iinfo(dtype).max
         np.testing.assert_allclose(
             ImageFiles([path], None, np.array([[1.0, 2.0, 4.0]]), srgb=True)[0],
-            srgb_to_linear(samples(0, dtype) / full) / np.array([1, 2, 4]),
+            to_linear(samples(0, dtype) / full) / np.array([1, 2, 4]),
             rtol=1e-6,
         )
 

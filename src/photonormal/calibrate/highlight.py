@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.calibrate.circle import Circle, SphereError
+from photonormal.types import box_of
 
 COLOURED = 0.3  # brightest value of a channel, as part of another's, below which the lamp does not light it
 RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
@@ -216,8 +217,7 @@ def _centroid(weights: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) 
     """Weighted centre (x, y) of a reflection without its streaks."""
     import cv2
 
-    rows, columns = (np.flatnonzero(part.any(axis)) for axis in (1, 0))
-    box = np.s_[max(0, rows[0] - 1) : rows[-1] + 2, max(0, columns[0] - 1) : columns[-1] + 2]
+    box = box_of(part, 1)
     blob = part[box].astype(np.uint8)
     depth = cv2.distanceTransform(np.pad(blob, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]  # pixels to the edge
     radius = OPENING * depth.max()

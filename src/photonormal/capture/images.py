@@ -11,6 +11,7 @@ import numpy as np
 
 from photonormal.capture.store import Framed
 from photonormal.files.decode import RAW, decode, decode_all, frame_of, full_scale
+from photonormal.srgb import to_linear
 from photonormal.types import Image, InputError, box_of
 
 
@@ -65,11 +66,6 @@ def planes(picture: Picture) -> list[Plane]:
     return [Plane(file, page, channel) for channel in range(3)]
 
 
-def srgb_to_linear(x: np.ndarray) -> np.ndarray:
-    """Linear radiance in [0, 1] from sRGB-encoded values in [0, 1] (IEC 61966-2-1)."""
-    return np.where(x <= 0.04045, x / 12.92, ((x + 0.055) / 1.055) ** 2.4).astype(np.float32)
-
-
 def read_mask(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
     """True where the picture, laid on black where it is transparent, is brighter than half of its maximum: (h, w).
 
@@ -120,7 +116,7 @@ class ImageFiles:
         scale = full_scale(first)
         self.scale = np.float32(1 / scale)
         encoded = srgb and self.dtype.kind == "u" and parts(pictures[0])[0].suffix.lower() not in RAW
-        self.linear = srgb_to_linear(np.arange(scale + 1) / scale) if encoded else None
+        self.linear = to_linear(np.arange(scale + 1) / scale) if encoded else None
         self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else box_of(mask, MARGIN)
         self._first: np.ndarray | None = first[self.box]
         self._kept = Framed(self.shape, self.box, self.dtype, self._samples)

@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 from photonormal.check.finding import Finding
 from photonormal.check.given import Given, Near
 from photonormal.check.misfit import Gain, Pixels
+from photonormal.srgb import to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
@@ -71,8 +72,7 @@ def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | N
     offset = pixels.gain(before, after)
     linear = Gain(1.0, False)
     if bits is not None:
-        I = np.where(pixels.I <= 0.04045, pixels.I / 12.92, ((pixels.I + 0.055) / 1.055) ** 2.4)
-        linear = pixels.gain(before, pixels.showing(I).fit(L)[1])
+        linear = pixels.gain(before, pixels.showing(to_linear(pixels.I)).fit(L)[1])
     if linear.below(ENCODED) and linear.left < STEEPER * offset.left:
         message = (
             "the pictures look sRGB-encoded: linearised they fit a matt surface "

@@ -35,8 +35,11 @@ def refuse_folder(path: Path) -> None:
         raise InputError(f"{path} is a folder but a file is to be written there; choose another --out.")
 
 
-def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] = ()) -> None:
-    """InputError where a file to be written is a folder, exists without `overwrite`, or is one of the files read."""
+def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] = (), option: str = "--out") -> None:
+    """InputError where a file to be written is a folder, exists without `overwrite`, or is one of the files read.
+
+    `option` is what the user names the file by.
+    """
     used = {os.path.realpath(p) for p in reads}
     for path in paths:
         try:
@@ -46,8 +49,8 @@ def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] =
         except OSError as error:
             raise unwritable(path, error) from None
         if path.is_dir():
-            raise InputError(f"{path} is a folder but a file is to be written there; choose another --out.")
+            raise InputError(f"{path} is a folder but a file is to be written there; choose another {option}.")
         if os.path.realpath(path) in used:
-            raise InputError(f"{path} is read here and is not written over; choose another --out.")
+            raise InputError(f"{path} is read here and is not written over; choose another {option}.")
         if not overwrite:
-            raise InputError(f"{path} exists; choose another --out, or add --overwrite to replace it.")
+            raise InputError(f"{path} exists; choose another {option}, or add --overwrite to replace it.")

@@ -7,6 +7,7 @@ import io
 import numpy as np
 from jaxtyping import Float, Int
 
+from photonormal.srgb import from_linear
 from photonormal.types import InputError, Normals, Surface
 
 FORMATS = (".ply", ".obj", ".glb", ".stl")
@@ -119,10 +120,4 @@ def _with_alpha(colours: np.ndarray) -> np.ndarray:
 def display(linear: np.ndarray, full: int = 255) -> np.ndarray:
     """8-bit sRGB from linear values, or 16-bit for a `full` scale of 65535; what is above 1 is white."""
     x = np.nan_to_num(linear).clip(0, 1)
-    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)
-    return np.rint(full * encoded).astype(np.uint8 if full < 256 else np.uint16)
-
-
-def linear(encoded: np.ndarray) -> np.ndarray:
-    """Linear values from sRGB in [0, 1]."""
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    return np.rint(full * from_linear(x)).astype(np.uint8 if full < 256 else np.uint16)

@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.export.mesh import display, linear
+from photonormal.export.mesh import display
 from photonormal.files.decode import decode, full_scale
 from photonormal.files.remarks import is_srgb
-from photonormal.types import InputError, Normals
+from photonormal.srgb import to_linear
+from photonormal.types import InputError, Normals, box_of
 
 PREVIEW_HEIGHT = 480  # pixels; larger frames are reduced to it
+MARGIN = 4  # pixels around the object in a preview
 
 
 def preview(
@@ -24,8 +26,7 @@ def preview(
     """
     import cv2
 
-    rows, columns = (np.flatnonzero(normals.mask.any(axis)) for axis in (1, 0))
-    box = np.s_[max(0, rows[0] - 4) : rows[-1] + 5, max(0, columns[0] - 4) : columns[-1] + 5]
+    box = box_of(normals.mask, MARGIN)
     normals_picture = np.rint(127.5 * (normals.map + 1)).astype(np.uint8)
     normals_picture[~normals.mask] = 255
     panels = [
@@ -48,7 +49,7 @@ def read_colours(path: Path, frame: tuple[int, int]) -> np.ndarray:
     value = decode(path, frame)
     level = np.broadcast_to(value / np.float32(full_scale(value)), (*value.shape[:2], 3))
     if value.dtype == np.uint8 or is_srgb(path):
-        level = linear(level)
+        level = to_linear(level)
     return level.clip(0, 1)
 
 
@@ -64,7 +65,7 @@ def read_albedo(path: Path) -> np.ndarray:
     if value.shape[2] != 3 or value.dtype != np.uint16:
         raise InputError(f"{path} is no 16-bit colour PNG; measure again.")
     level = value / np.float32(65535)
-    return linear(level) if is_srgb(path) else level
+    return to_linear(level) if is_srgb(path) else level
 
 
 def relit(normals: Normals, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:

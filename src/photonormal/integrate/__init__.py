@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from photonormal.arrays import as_normals
+from photonormal.lookup import lookup
 from photonormal.types import InputError, Normals, Surface
 
 METHODS = {  # name -> "module:Class", imported only when asked for
@@ -25,8 +25,7 @@ def configure(method: str, **options: Any) -> Callable[[Normals, np.ndarray | No
     """A method with its options set; InputError names what exists where the method or an option does not."""
     if method not in METHODS:
         raise InputError(f"no integration {method!r}; choose from {', '.join(METHODS)}.")
-    module, name = METHODS[method].split(":")
-    cls = getattr(import_module(module), name)
+    cls = lookup(METHODS[method])
     if unknown := sorted(set(options) - set(cls.__dataclass_fields__)):
         known = ", ".join(cls.__dataclass_fields__) or "none"
         raise InputError(f"{method} has no option {unknown[0]!r}; it has {known}.")

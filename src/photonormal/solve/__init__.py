@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from photonormal.arrays import as_capture
+from photonormal.lookup import lookup
 from photonormal.options import check
 from photonormal.types import Capture, InputError, Normals
 
@@ -39,8 +39,7 @@ def method_class(name: str) -> type:
     """The class of a method; its fields are the method's options."""
     if name not in METHODS:
         raise InputError(f"no method {name!r}; choose from {', '.join(METHODS)}.")
-    module, cls = METHODS[name].split(":")
-    return getattr(import_module(module), cls)
+    return lookup(METHODS[name])
 
 
 def parse(text: str) -> tuple[str, dict[str, Any]]:

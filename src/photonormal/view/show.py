@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from photonormal.disk import write
+from photonormal.disk import refuse_taken, write
 from photonormal.types import InputError
 from photonormal.view.page import document, ramp, read
 from photonormal.view.planes import SIDE, evenly, units
@@ -64,8 +64,7 @@ def export_page(
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--page {out} ends in {out.suffix!r} but an .html file is written; choose such a name.")
-    if out.exists() and not overwrite:
-        raise InputError(f"{out} exists; choose another --page, or add --overwrite to replace it.")
+    refuse_taken([out], overwrite, option="--page")
     shown = open_result(folder, capture, mm_per_px)
     about = dict(shown.about)
     sizes = about["sizes"]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from photonormal.lookup import lookup
 from photonormal.types import InputError
 
 FIGURES = {  # name -> "module:function"; a function takes a Wish and gives a matplotlib figure
@@ -85,11 +85,10 @@ def figure(
     from photonormal.disk import at_once, refuse_taken
 
     wish = Wish(tuple(str(p) for p in places), dataset, tuple(methods), tuple(objects), limit_deg)
-    module, function = FIGURES[name].split(":")
     folder = Path(out) if out is not None else Path(wish.places[0].rpartition("=")[2]) / "figures"
     refuse_taken([folder / f"{name}.{ending}" for ending in ENDINGS], overwrite or out is None)
     with style_context(STYLE):
-        drawn = draw(getattr(import_module(module), function), wish)
+        drawn = draw(lookup(FIGURES[name]), wish)
         files = {}
         for ending in ENDINGS:
             buffer = io.BytesIO()

@@ -14,7 +14,7 @@ from photonormal.bench.scores import Scored, all_scored
 from photonormal.bench.store import Truth, configs, read_truth, truth_path
 from photonormal.integrate import integrate
 from photonormal.score import error_map_deg
-from photonormal.types import InputError, Normals
+from photonormal.types import InputError, Normals, box_of
 
 OBJECTS, METHODS = 4, 5  # at most in one figure, unless they are named
 INCH = 1.25  # a panel's side
@@ -31,11 +31,7 @@ class Shown:
 
     @property
     def box(self) -> tuple[slice, slice]:
-        rows, columns = (np.flatnonzero(self.truth.mask.any(axis)) for axis in (1, 0))
-        return (
-            slice(max(0, rows[0] - MARGIN), rows[-1] + MARGIN + 1),
-            slice(max(0, columns[0] - MARGIN), columns[-1] + MARGIN + 1),
-        )
+        return box_of(self.truth.mask, MARGIN)
 
 
 def errors(wish: Wish) -> Figure:

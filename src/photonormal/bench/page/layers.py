@@ -13,7 +13,7 @@ from photonormal.bench.scores import Scored
 from photonormal.bench.store import Truth, read_truth, truth_path
 from photonormal.integrate import integrate
 from photonormal.score import error_map_deg
-from photonormal.types import Normals
+from photonormal.types import Normals, box_of
 from photonormal.view.planes import SIDE, degrees_plane, evenly, normals_plane, plane
 
 SURFACE_SIDE = 256
@@ -36,10 +36,7 @@ def objects(
 
 
 def _object(dataset: str, name: str, truth: Truth, found: list[Scored], surfaces: bool) -> dict[str, Any]:
-    rows, columns = (np.flatnonzero(truth.mask.any(axis)) for axis in (1, 0))
-    box = np.s_[
-        max(0, rows[0] - MARGIN) : rows[-1] + 1 + MARGIN, max(0, columns[0] - MARGIN) : columns[-1] + 1 + MARGIN
-    ]
+    box = box_of(truth.mask, MARGIN)
     ranked = sorted(found, key=lambda s: s.score["mean_deg"] if s.score else 0.0)
     photograph = _reduced(truth.photograph[box])
     planes = {"photograph": plane("colour", photograph)}

@@ -9,13 +9,13 @@ import dataclasses
 import hashlib
 import json
 import re
-from importlib import import_module
 from pathlib import Path
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
+from photonormal.lookup import lookup
 from photonormal.solve.learned.network import Network, placed
 from photonormal.stored import Size, Word, converted, decoded
 from photonormal.types import InputError
@@ -33,8 +33,7 @@ def build(network: str, config: dict) -> Network:
     """A network by its name in NETWORKS and the fields of its config, freshly initialised."""
     if network not in NETWORKS:
         raise InputError(f"no network {network!r}; choose from {', '.join(NETWORKS)}.")
-    module, name = NETWORKS[network].split(":")
-    cls = getattr(import_module(module), name)
+    cls = lookup(NETWORKS[network])
     retired = getattr(cls.Config, "RETIRED", {})  # options of earlier versions, and what they have to be
     for name in sorted(set(config) & set(retired)):
         if config[name] != retired[name]:

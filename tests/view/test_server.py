@@ -1,8 +1,11 @@
 """What is served, to whom, and what is not."""
 
 import http.client
+import os
 import re
+import signal
 import socket
+import subprocess
 import sys
 from urllib.parse import urlsplit
 
@@ -77,3 +80,14 @@ def test_what_is_missing_is_named(result, run, monkeypatch):
     monkeypatch.setitem(sys.modules, "fastapi", None)
     code, _, err = run("view", result, "--no-browser")
     assert code == 2 and "pip install 'photonormal[view]'" in err and len(err.splitlines()) == 1
+
+
+def test_it_tells_where_the_page_is_and_ends_without_a_word(result):
+    command = [sys.executable, "-m", "photonormal", "view", str(result)]
+    nowhere = {**os.environ, "PATH": "/nonexistent", "DISPLAY": "", "WAYLAND_DISPLAY": ""}  # no browser is found
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, env=nowhere, **pipes) as process:
+        assert process.stdout.readline().startswith(f"http://{HOST}:")
+        assert "open the address above" in process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=60) == ("", "") and process.returncode == 130

@@ -44,6 +44,8 @@ def directions(vectors: np.ndarray) -> np.ndarray:
         rows(" ").replace(" 0.", " 0,"),
         rows(";").replace(".0", ",0").replace("0.", "0,"),
         "x;y;z\n".join(["", rows(";", count=None)]).replace("x;", "name;x;", 1),
+        "name,x,y,z,remark\n" + rows(",", count=None, end=",left of the door"),
+        "name,z,y,x,lamp\n" + "\n".join(",".join([n, *r[::-1], "7"]) for n, r in zip(NAMES, ROWS, strict=True)),
         "name  x  y  z  lamp\n" + rows(" ", count=None, end=" 7"),
         rows(" ", names=[f'"{n}"' for n in NAMES]),
     ],
@@ -65,6 +67,8 @@ def test_a_list_is_read_however_it_is_written(tmp_path, text, encoding, suffix):
         "X\tY\tZ\n" + "\n".join("\t".join(row) for row in ROWS),
         " ,X,Y,Z\n" + "\n".join(",".join([str(k + 1), *row]) for k, row in enumerate(ROWS)),
         " \tX\tY\tZ\n" + "\n".join("\t".join([str(k + 1), *row]) for k, row in enumerate(ROWS)),
+        "# z y x\n" + "\n".join(" ".join(row[::-1]) for row in ROWS),
+        "# in a dome of x rows\n" + "\n".join(" ".join(row) for row in ROWS),
         "lamp z y x\n" + "\n".join(" ".join([str(k), *row[::-1]]) for k, row in enumerate(ROWS)),
         "\n".join(" ".join([str(k), *row]) for k, row in enumerate(ROWS)),
         "\n".join(" ".join(column) for column in zip(*ROWS, strict=True)),
@@ -103,10 +107,11 @@ class TestAngles:
             ("azimuth elevation", self.AZIMUTH_ELEVATION),
             ("no tilt_deg slant_deg", np.column_stack([np.arange(4), self.SLANT_TILT[:, ::-1]])),
         ):
-            np.savetxt(tmp_path / "a.txt", table, header=header, comments="")
-            listed = read_lights(tmp_path / "a.txt")
-            np.testing.assert_allclose(listed.vectors, LIGHTS, atol=1e-9)
-            assert listed.notes == ()
+            for remark in ("", "# "):
+                np.savetxt(tmp_path / "a.txt", table, header=header, comments=remark)
+                listed = read_lights(tmp_path / "a.txt")
+                np.testing.assert_allclose(listed.vectors, LIGHTS, atol=1e-9)
+                assert listed.notes == ()
 
     @pytest.mark.parametrize("numbered", [False, True])
     def test_without_a_header_they_have_to_be_said(self, tmp_path, numbered):

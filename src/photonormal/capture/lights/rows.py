@@ -31,30 +31,43 @@ SEPARATORS = (r"[;\t]", ",", r"[\s;]+")
 
 def read(path: Path) -> Table:
     """Names and numbers of the rows, and what the header calls the columns."""
-    lines = [(k + 1, line) for k, line in enumerate(read_lines(path)) if not re.match(r"#|//|%", line)]
+    lines = list(enumerate(read_lines(path), 1))
+    remarks = [line.lstrip("#/% ") for _, line in lines if REMARK.match(line)]
+    lines = [(k, line) for k, line in lines if not REMARK.match(line)]
     count = COUNT.fullmatch(lines[0][1]) if lines else None
     lines = lines[1:] if count else lines
     header = _header(lines[0][1]) if lines else None
-    body = lines[1:] if header else lines
-    rows = [_row(line, k, path, bool(header)) for k, line in body]
+    names, numbers = _rows(lines[1:] if header else lines, path)
+    if count and int(count[1]) != len(numbers):
+        raise InputError(
+            f"{path} says {int(count[1])} pictures but lists {len(numbers)}; correct its first line or the list."
+        )
+    width, before = numbers.shape[1], 1 if names else 0
+    if header is None and remarks:  # `# x y z`, as NumPy writes it
+        header = _header(remarks[-1])
+        header = header if header and len(header) in (width, before + width) else None
+    columns = header or []
+    if len(columns) >= before + width:  # there may be more, of words
+        columns = columns[before : before + width]
+    elif columns:  # the first has no word
+        columns = [""] * (width - len(columns)) + columns[-width:]
+    return _with_row_numbers(Table(names, numbers, tuple(columns)))
+
+
+def _rows(lines: list[tuple[int, str]], path: Path) -> tuple[list[str], np.ndarray]:
+    """Names, none where there are none, and numbers (n, k) of numbered lines, which have to be alike."""
+    rows = [_row(line, k, path) for k, line in lines]
     if not rows:
         raise InputError(
             f"{path} holds no lights but one for each picture is needed, `name x y z` or `x y z`; add them."
         )
-    if count and int(count[1]) != len(rows):
-        raise InputError(
-            f"{path} says {int(count[1])} pictures but lists {len(rows)}; correct its first line or the list."
-        )
     named, width = bool(rows[0][0]), len(rows[0][1])
-    for (k, line), (name, numbers) in zip(body, rows, strict=True):
-        further = named and not header and min(width, len(numbers)) >= 3
+    for (k, line), (name, numbers) in zip(lines, rows, strict=True):
+        further = named and min(width, len(numbers)) >= 3
         if bool(name) != named or (len(numbers) != width and not further):
             raise _unlike(line, k, path)
         width = min(width, len(numbers))
-    table = np.array([numbers[:width] for _, numbers in rows])
-    names = [name for name, _ in rows if name]
-    header = [""] * (width - len(header)) + header[-width:] if header else []
-    return _with_row_numbers(Table(names, table, tuple(header)))
+    return [name for name, _ in rows if name], np.array([numbers[:width] for _, numbers in rows])
 
 
 def _with_row_numbers(table: Table) -> Table:
@@ -75,8 +88,8 @@ def _header(line: str) -> list[str] | None:
     return cells if len(words) > 1 and not any(map(_is_number, cells)) else None
 
 
-def _row(line: str, k: int, path: Path, aligned: bool) -> tuple[str, list[float]]:
-    """A picture's name, or none, and the numbers after it; `aligned`: a header counts the cells."""
+def _row(line: str, k: int, path: Path) -> tuple[str, list[float]]:
+    """A picture's name, or none, and the numbers after it."""
     named = NAMED.match(line)
     name, rest = (named[1], named[2]) if named else ("", line)
     remark = REMARK.search(rest)
@@ -85,7 +98,7 @@ def _row(line: str, k: int, path: Path, aligned: bool) -> tuple[str, list[float]
         cells = [c.strip().strip('"') for c in re.split(separator, rest)]
         first = 0 if named else _first_number(cells, separator == SEPARATORS[-1])
         numbers = _numbers(cells[first:])
-        if len(numbers) < 2 or (aligned and len(numbers) < len(cells) - first):
+        if len(numbers) < 2:
             continue
         if separator == "," and len(numbers) == 6 and not re.search(r"[.eE]", "".join(cells[first:])):
             break  # 0,5,0,2,0,8: decimal commas between commas

@@ -16,7 +16,7 @@ COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import ma
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("measure", "Missing from photonormal measure: PATH --out PATH; see photonormal measure --help."),
+        ("measure", "Missing from photonormal measure: PATH --out FOLDER; see photonormal measure --help."),
         ("measure a --out b --mehtod x", "Unrecognized options: --mehtod, x; perhaps --method is meant; see"),
         ("bench diligent x --jobs a", "--jobs can't be understood: invalid literal for int()"),
         ("measure a --out", "Missing value for argument '--out'. Expected 1 values; see"),

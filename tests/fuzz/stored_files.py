@@ -46,12 +46,12 @@ WRITES = ("runs/*scores.json", "training/*")  # what commands keep in the folder
 def originals(place: Path) -> None:
     """Write sound files of every kind."""
     from photonormal.bench import bench
-    from photonormal.cli.measuring import Measure
+    from photonormal.cli import main
     from tests.scenes import lambertian, ring, sphere, write_diligent
 
     write_diligent(place / CAPTURE, lambertian(sphere(24), ring(7, 70)))
     bench("diligent", place / "root", place / "runs", methods="woodham", images="all,6", draws=1)
-    Measure(place / CAPTURE, place / "result", method="woodham", mesh=False)()
+    main(["measure", str(place / CAPTURE), "--out", str(place / "result"), "--method", "woodham", "--no-mesh"])
     tiny(place / "training", resume=False)
     (place / "fixed.txt").write_text("ball: 1-5\n# the others\n1-6\n")
 

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from photonormal.cli.measuring import Measure
+from photonormal.cli import main
 from photonormal.types import Normals
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
@@ -24,14 +24,14 @@ def capture(tmp_path_factory):
 @pytest.fixture(scope="session")
 def result(capture, tmp_path_factory):
     out = tmp_path_factory.mktemp("results") / "woodham"
-    Measure(capture, out, method="woodham")()
+    assert main(["measure", str(capture), "--out", str(out), "--method", "woodham"]) == 0
     return out
 
 
 @pytest.fixture(scope="session")
 def other(capture, tmp_path_factory):
     out = tmp_path_factory.mktemp("results") / "trimmed"
-    Measure(capture, out, method="trimmed")()
+    assert main(["measure", str(capture), "--out", str(out), "--method", "trimmed"]) == 0
     return out
 
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import tyro
 
+from photonormal import __version__
 from photonormal.cli.faults import fault, one_line
 from photonormal.cli.mapping import Convert, Integrate, Score
 from photonormal.cli.measuring import Measure, Methods
@@ -44,6 +45,9 @@ def main(arguments: list[str] | None = None, interrupted: Callable[[], bool] = l
     if arguments is None and not sys.warnoptions:
         warnings.simplefilter("ignore")  # what libraries warn of says nothing to a user; what matters ends in our words
     try:
+        if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+            print(f"photonormal {__version__}")
+            return 0
         code = parsed(arguments)()
         sys.stdout.flush()  # a reader that has gone, such as `head`, shows here
         return code
@@ -73,7 +77,8 @@ def parsed(arguments: list[str] | None) -> Any:
             command = tyro.extras.subcommand_cli_from_dict(
                 {c.__name__.lower(): c for c in COMMANDS},
                 prog="photonormal",
-                description="Surface normals, depth and meshes from photographs under known lights.",
+                description="Surface normals, depth and meshes from photographs under known lights: calibrate, "
+                "check, measure, view. --version prints which photonormal this is.",
                 args=arguments,
             )
     except SystemExit as ended:

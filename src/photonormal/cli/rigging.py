@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
 
+import tyro
 from tyro.conf import Positional
 
-from photonormal.cli.measuring import Photographs, Read
-from photonormal.options import Count, Positive
+from photonormal.cli.kinds import Box, Folder, Millimetres, Numbers, Pixels, next_step, warn, words_of
+from photonormal.cli.photographs import Photographs, Read
+from photonormal.options import Count, Frame
 from photonormal.types import printable
 
 
@@ -23,22 +25,26 @@ class Calibrate:
     """Folders with photographs of a mirror sphere under the same lights in the same order; AUTO: it is in FOLDER's."""
     out: Path = Path("lights.lp")
     """File to write; light_directions.txt, a JSON report and a picture of what was found are written beside it."""
-    circle: tuple[str, ...] = ()
+    circle: Annotated[tuple[str, ...], tyro.conf.arg(metavar="X,Y,R")] = ()
     """Outlines x,y,r in pixels from the upper left, one for each sphere; found where none are given."""
     count: Count = 1
     """Spheres that each photograph shows."""
-    focal_px: Positive | None = None
+    focal_px: Pixels = None
     """Focal length in pixels, for spheres near the camera; a camera far away without it."""
-    radius_mm: Positive | None = None
+    radius_mm: Millimetres = None
     """The spheres' radius; with two or more in one frame the lights' positions are found too."""
-    frame: str = "opengl"
-    """Frame of what is written: opengl (y up, z to the camera), directx (y down) or y-down (and z away)."""
-    skip: str = ""
+    frame: Frame = "opengl"
+    """Frame of what is written: opengl (y up, z to the camera), directx (y down), y-down (and z away), z-away or
+    blender."""
+    skip: Numbers = ""
     """Photographs to leave out, of the object and the sphere: numbers and ranges from 1, such as 3,7-9."""
+    json: bool = False
+    """Print the report as one JSON object."""
     overwrite: bool = False
     """Replace files that exist."""
 
     def __call__(self) -> int:
+        from photonormal.export.folder import as_json
         from photonormal.rig import calibrate
 
         report = calibrate(
@@ -53,8 +59,10 @@ class Calibrate:
             skip=self.skip,
             overwrite=self.overwrite,
         )
-        for warning in report["warnings"]:
-            print(f"photonormal: warning: {printable(warning)}", file=sys.stderr)
+        warn(report["warnings"])
+        if self.json:
+            print(as_json(report).decode(), end="")
+            return 0
         for sphere in report["spheres"]:
             c = sphere["circle"]
             print(
@@ -62,6 +70,8 @@ class Calibrate:
                 f"confidence {c['confidence']:.2f} ({sphere['confidence']})"
             )
         print(f"{len(report['lights'])} lights: {', '.join(report['files'])}")
+        frame = () if self.frame == "opengl" else ("--frame", self.frame)
+        next_step("check", self.folder, "--lights", self.out, *frame)
         return 0
 
 
@@ -73,9 +83,9 @@ class Intensities:
     """Folder with photographs and lights, or an .lp file."""
     out: Path = Path("light_intensities.txt")
     """Table to write; it is read where it lies beside the photographs, or named by --intensities."""
-    reference: Path | None = None
+    reference: Folder = None
     """Folder with photographs of a matt white or grey board that faces the camera, under the same lights in order."""
-    region: str = ""
+    region: Box = ""
     """Where the board is, x0,y0,x1,y1 in pixels: in the reference's photographs, or in the object's without one."""
     overwrite: bool = False
     """Replace a file that exists."""
@@ -85,9 +95,10 @@ class Intensities:
         from photonormal.rig import intensities
 
         e = intensities(
-            self.capture, self.out, self.reference, self.region, overwrite=self.overwrite, **asdict(self.read)
+            self.capture, self.out, self.reference, self.region, overwrite=self.overwrite, **self.read.how()
         )
         print(f"{len(e)} intensities from {e.min():.3f} to {e.max():.3f}: {self.out}")
+        next_step("check", self.capture, *words_of(self.read), "--intensities", self.out)
         return 0
 
 
@@ -106,6 +117,7 @@ class Mask:
         from photonormal.rig import draw_mask
 
         print(", ".join(str(p) for p in draw_mask(self.folder, self.out, self.overwrite)))
+        next_step("check", self.folder, "--mask", self.out)
         return 0
 
 
@@ -115,26 +127,40 @@ class Check:
 
     capture: Positional[Path]
     """Folder with photographs and lights, an .lp file, or `demo`."""
-    out: Path | None = None
+    out: Folder = None
     """Folder for a report, a polar plot of the lights, and corrected lights where other ones fit the photographs."""
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
-
+    json: bool = False
+    """Print the findings as one JSON object."""
+    strict: bool = False
+    """End with code 1 where a finding is grave."""
     read: Read = field(default_factory=Photographs)
 
     def __call__(self) -> int:
+        from photonormal.export.folder import as_json
         from photonormal.rig import check
 
         found, files = check(
             self.capture,
             self.out,
             overwrite=self.overwrite,
-            **asdict(self.read),
+            **self.read.how(),
         )
+        grave = any(finding.grave for finding in found)
+        code = 1 if self.strict and grave else 0
+        if self.json:
+            content = {"findings": [finding.as_dict() for finding in found], "files": [str(f) for f in files]}
+            print(as_json(content).decode(), end="")
+            return code
         for finding in found:
             print(f"{'grave' if finding.grave else 'note'}: {finding.kind}: {printable(finding.message)}")
         if not found:
             print("nothing wrong was found")
         if files:
             print(", ".join(str(f) for f in files))
-        return 0
+        words = ("measure", self.capture, *words_of(self.read), "--out", "result")
+        if grave:
+            print("Mend first what is grave; then")
+        next_step(*words)
+        return code

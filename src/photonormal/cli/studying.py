@@ -5,9 +5,11 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional, UseAppendAction
 
+from photonormal.cli.kinds import Folder, shown
 from photonormal.options import Angle, Count, Device, Positive, Precision, Seed, Whole
 from photonormal.types import InputError
 
@@ -100,7 +102,7 @@ class Figure:
     """errors, normals, images, seconds, materials or convergence."""
     places: Positional[tuple[str, ...]]
     """The folder that `bench` wrote; for convergence, folders of trainings, as FOLDER or LABEL=FOLDER."""
-    out: Path | None = None
+    out: Folder = None
     """Folder to write into; by default `figures` in the folder of runs."""
     dataset: str = ""
     """Which dataset, where the runs hold several."""
@@ -108,7 +110,7 @@ class Figure:
     """Only these, like woodham,l1, in this order."""
     objects: str = ""
     """Only these, like ball,cat, in this order."""
-    limit: Angle | None = None
+    limit: Annotated[Angle | None, shown("N")] = None
     """Error in degrees of the last colour of error maps."""
     overwrite: bool = False
     """Replace files that exist in OUT."""
@@ -176,7 +178,7 @@ class Render:
     """How many samples."""
     preview: bool = False
     """Write contact-sheet.png, too."""
-    layout: str | None = None
+    layout: Annotated[str | None, shown("NAME")] = None
     """diligent (a folder each, for `measure`), blobby or shards; by default the recipe's own."""
     device: Device = "auto"
     """auto, cpu or cuda."""
@@ -214,9 +216,9 @@ class Train:
     """Folder for checkpoint, journal, TensorBoard and weights."""
     data: UseAppendAction[tuple[Path, ...]] = ()
     """A set to learn from in place of rendered scenes; repeat it for several. Blobby, Sculpture, shards or DiLiGenT."""
-    minutes: Positive | None = None
+    minutes: Annotated[Positive | None, shown("N")] = None
     """Time to stop after; the schedule stretches to it."""
-    steps: Count | None = None
+    steps: Annotated[Count | None, shown("N")] = None
     """Length in place of the recipe's."""
     resume: bool = False
     """Go on from the checkpoint in OUT."""
@@ -224,7 +226,7 @@ class Train:
     """auto, cpu or cuda; several by torchrun."""
     seed: Seed = 0
     """Of the weights and of the scenes: another seed never sees the same ones."""
-    start_from: Path | None = None
+    start_from: Annotated[Path | None, shown("FILE")] = None
     """Weights file to begin with, in place of random weights."""
     name: str = ""
     """Of the weights file; by default the recipe's."""

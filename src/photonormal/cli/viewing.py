@@ -7,7 +7,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from photonormal.options import Port, Positive
+from photonormal.cli.kinds import Folder, Millimetres
+from photonormal.options import Port
 
 
 @dataclass(frozen=True)
@@ -16,9 +17,9 @@ class View:
 
     folders: Positional[tuple[Path, ...]]
     """Folders that `measure` wrote; or one folder of photographs, to mark its mask, a sphere, pictures to leave out."""
-    capture: Path | None = None
+    capture: Folder = None
     """The photographs of the first result, where they are no longer where its report says."""
-    mm_per_px: Positive | None = None
+    mm_per_px: Millimetres = None
     """Millimetres that a pixel is wide, so that lengths are told in mm."""
     port: Port = 0
     """Port on 127.0.0.1; 0: a free one."""
@@ -40,9 +41,9 @@ class Export:
     """Folder that `measure` wrote."""
     page: Path
     """File to write, .html."""
-    capture: Path | None = None
+    capture: Folder = None
     """Its photographs, where they are no longer where its report says."""
-    mm_per_px: Positive | None = None
+    mm_per_px: Millimetres = None
     """Millimetres that a pixel is wide, so that lengths are told in mm."""
     overwrite: bool = False
     """Replace a file that exists."""

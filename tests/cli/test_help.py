@@ -1,0 +1,89 @@
+"""What the commands print for people and for programs: help, version, JSON, the next step."""
+
+import json
+
+import pytest
+
+import photonormal
+from photonormal import cli
+from photonormal.cli import COMMANDS, main
+from photonormal.geometry import FRAMES
+from photonormal.options import Frame
+from photonormal.solve import METHODS
+from tests.calibrate.chrome import dome, write_chrome
+from tests.scenes import lambertian, ring, sphere, write_diligent
+
+
+def help_of(command: str, capsys) -> str:
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", [c.__name__.lower() for c in COMMANDS])
+def test_no_help_speaks_of_none(command, capsys):
+    assert "None" not in help_of(command, capsys)
+
+
+def test_options_of_measure_stand_in_groups_with_their_choices(capsys):
+    said = help_of("measure", capsys)
+    groups = [said.index(f" {name} options ") for name in ("capture", "lights", "corrections", "method", "results")]
+    assert groups == sorted(groups)
+    assert " STR " not in said
+    joined = "".join(said.replace("│", "").split())
+    assert "{" + ",".join(METHODS) + "}" in joined and "{simchony,quadratic,bilateral}" in joined
+    assert "{" + ",".join(FRAMES) + "}" in joined
+
+
+def test_frames_of_options_are_those_there_are():
+    assert set(Frame.__origin__.__args__) == set(FRAMES)  # type: ignore[attr-defined]
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"photonormal {photonormal.__version__}\n"
+
+
+@pytest.fixture
+def turned(tmp_path):
+    """A capture whose lights are given with y downwards: a grave fault."""
+    capture = lambertian(sphere(64), ring(10, 45) * [1, -1, 1])
+    write_diligent(tmp_path / "ball", lambertian(sphere(64), ring(10, 45)))
+    (tmp_path / "ball" / "light_directions.txt").write_text(
+        "\n".join(" ".join(f"{v:.6f}" for v in light) for light in capture.known_lights())
+    )
+    return str(tmp_path / "ball")
+
+
+def test_check_is_strict_when_asked_to_be(turned, capsys):
+    assert main(["check", turned]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("grave: ") and lines[-1] == f"next: photonormal measure {turned} --out result"
+    assert main(["check", turned, "--strict", "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)["findings"]
+    assert found[0]["grave"] and found[0]["kind"] and found[0]["message"]
+    assert main(["check", "demo", "--strict"]) == 0
+
+
+def test_the_next_step_keeps_how_the_photographs_are_read(turned, capsys):
+    main(["check", turned, "--frame", "directx", "--images", "1-9"])
+    words = f"next: photonormal measure {turned} --images 1-9 --frame directx --out result"
+    assert capsys.readouterr().out.splitlines()[-1] == words
+
+
+def test_measure_prints_its_report(turned, tmp_path, capsys):
+    out = tmp_path / "my result"
+    assert main(["measure", turned, "--method", "woodham", "--no-mesh", "--json", "--out", str(out)]) == 0
+    assert json.loads(capsys.readouterr().out) == json.loads((out / "report.json").read_text())
+    assert main(["measure", turned, "--method", "woodham", "--no-mesh", "--out", str(out)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"next: photonormal view '{out}'"
+
+
+def test_calibrate_leads_to_check(tmp_path, capsys):
+    write_chrome(tmp_path / "scene", dome(7), mask=True)
+    folder, lights = str(tmp_path / "scene"), str(tmp_path / "l.lp")
+    assert main(["calibrate", folder, "--out", lights]) == 0
+    assert capsys.readouterr().out.splitlines()[-1] == f"next: photonormal check {folder} --lights {lights}"
+    assert main(["calibrate", folder, "--out", lights, "--overwrite", "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["lights"]) == 7
+    assert cli.main(["check", folder, "--lights", lights, "--json"]) == 0

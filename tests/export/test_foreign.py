@@ -132,6 +132,20 @@ def test_floats_hold_vectors_or_halves_of_them(tmp_path, suffix, half):
     assert found.mask.all() and error_deg(found) < 0.01
 
 
+@pytest.mark.parametrize("codes", [False, True])
+def test_matlab(tmp_path, codes):
+    from scipy.io import savemat
+
+    stored = encoded(TRUTH.map) if codes else TRUTH.map.astype(float)
+    savemat(tmp_path / "n.mat", {"surface": stored, "mask": OBJECT, "z": HEIGHT}, do_compression=True)
+    found, _ = read(tmp_path / "n.mat")
+    assert found.mask.all() and error_deg(found) < (0.7 if codes else 1e-3)
+    savemat(tmp_path / "two.mat", {"a": stored, "b": stored})
+    assert "holds 2 arrays" in refusal(load_normals, tmp_path / "two.mat")
+    savemat(tmp_path / "named.mat", {"a": 0 * stored, "normals": stored})
+    assert error_deg(read(tmp_path / "named.mat")[0]) < 0.7
+
+
 def test_what_is_no_number_is_background(tmp_path):
     map = np.where(OBJECT[..., None], TRUTH.map, np.nan)
     assert (read(write_picture(tmp_path / "n.npy", map))[0].mask == OBJECT).all()

@@ -12,10 +12,10 @@ from scipy.io import savemat
 
 import photonormal as pn
 from photonormal.capture.lens import read_lens
-from photonormal.capture.matlab import read_mat
 from photonormal.export import load_normals
 from photonormal.files import memory
 from photonormal.files.decode import decode
+from photonormal.files.matlab import read_mat
 from photonormal.files.opening import open_file
 from photonormal.types import InputError
 from tests.capture.files import load_and_decode, refusal, samples, write_folder, write_picture

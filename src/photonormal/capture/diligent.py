@@ -18,8 +18,8 @@ import numpy as np
 
 from photonormal.capture.assemble import Choice, assemble
 from photonormal.capture.lights import read_lights
-from photonormal.capture.matlab import read_mat
 from photonormal.capture.texts import beside, read_lines
+from photonormal.files.matlab import read_mat
 from photonormal.types import Capture, InputError
 
 NEEDED = ("filenames.txt", "light_directions.txt", "light_intensities.txt")

@@ -43,7 +43,7 @@ class Score:
     capture: Positional[Path]
     """The capture, with ground truth."""
     result: Positional[Path]
-    """Folder that `measure` wrote, or a normal map (.npz, .npy, or a picture)."""
+    """Folder that `measure` wrote, or a normal map (.npz, .npy, .mat, or a picture)."""
     format: str = "auto"
     """Layout of the capture."""
     frame: MapFrame = "auto"
@@ -75,7 +75,7 @@ class Integrate:
     """Depth, heights or a mesh from a normal map."""
 
     normals: Positional[Path]
-    """Normal map (.npz, .npy, or a picture), or a folder that `measure` wrote."""
+    """Normal map (.npz, .npy, .mat, or a picture), or a folder that `measure` wrote."""
     out: Path
     """File to write: .npz (depth), .png, .tif (16-bit heights), .exr (float ones), .ply, .obj, .glb or .stl (mesh)."""
     method: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
@@ -124,7 +124,7 @@ class Convert:
     """A normal map in another frame or another format."""
 
     normals: Positional[Path]
-    """Normal map (.npz, .npy, or a picture), or a folder that `measure` wrote."""
+    """Normal map (.npz, .npy, .mat, or a picture), or a folder that `measure` wrote."""
     out: Path
     """File to write: .png (16-bit), .exr or .npz; it tells its frame."""
     from_frame: MapFrame = "auto"

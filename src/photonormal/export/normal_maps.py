@@ -14,6 +14,7 @@ from jaxtyping import Bool
 from photonormal.export import foreign
 from photonormal.export.foreign import AUTO
 from photonormal.files.decode import KINDS, decode_all
+from photonormal.files.matlab import read_mat, shapes_of
 from photonormal.files.opening import read_npz
 from photonormal.files.remarks import remark
 from photonormal.geometry import FRAMES, from_frame, in_frame, known_frame
@@ -62,7 +63,8 @@ def npz(normals: Normals, frame: str) -> bytes:
 
 
 WRITERS = {".png": png, ".exr": exr, ".npz": npz}
-READ = (*KINDS, ".npz")
+READ = (*KINDS, ".npz", ".mat")
+MAT_NAMES = ("Normal_gt", "normals", "Normals", "normal", "N")  # of arrays in .mat files, where several could be it
 
 
 def read(
@@ -87,6 +89,8 @@ def read(
         raise InputError(f"{path} ends in {suffix!r} but normals are read from {', '.join(READ)}.")
     if suffix == ".npz":
         samples, told, ours = _arrays(path)
+    elif suffix == ".mat":
+        samples, told, ours = _of_matlab(path), None, None
     else:
         samples, told, ours = decode_all(path, finite=False), remark(path, FRAME), None
     if told is not None and frame not in (AUTO, told):
@@ -100,6 +104,20 @@ def read(
         return foreign.judged(samples, path, frame, channels, mask, partial, tell)
     kept = ours.mask if mask is None else ours.mask & mask
     return Normals(ours.map if frame == AUTO else from_frame(ours.map, frame), kept, ours.expected_error_deg)
+
+
+def _of_matlab(path: Path) -> np.ndarray:
+    """The one array (h, w, 3) of a .mat file, or that of MAT_NAMES; whole numbers up to 255 or 65535 are codes."""
+    found = {name: shape for name, shape in shapes_of(path).items() if len(shape) == 3 and shape[2] == 3}
+    name = next((name for name in (*MAT_NAMES, *found) if name in found), None)
+    if name is None or (len(found) > 1 and name not in MAT_NAMES):
+        raise InputError(
+            f"{path} holds {len(found)} arrays (h, w, 3) but one with normals is needed; save it as Normal_gt."
+        )
+    values = read_mat(path, name)
+    if np.nanmax(values, initial=0) > 1.5 and np.array_equal(values, np.rint(values).clip(0, 65535)):
+        return values.astype(np.uint8 if values.max() < 256 else np.uint16)
+    return values.astype(np.float32)
 
 
 def _arrays(path: Path) -> tuple[np.ndarray, str | None, Normals | None]:

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.export.labels import labelled
 from photonormal.export.mesh import display
 from photonormal.files.decode import decode, full_scale
 from photonormal.files.remarks import is_srgb
+from photonormal.score import SCALE_DEG
 from photonormal.srgb import to_linear
 from photonormal.types import InputError, Normals, box_of
 
@@ -22,25 +24,29 @@ def preview(
     """One 8-bit RGB picture: photograph, normals, relit from the upper left, albedo and, if given, the error map.
 
     `photograph` is linear (h, w, 1 or 3) with the object's brightest parts near 1, `albedo` (h, w, 3) in [0, 1],
-    `error` (h, w, 3) 8-bit. Cut to the object's box.
+    `error` (h, w, 3) 8-bit. Cut to the object's box; each part stands under its name.
     """
-    import cv2
-
     box = box_of(normals.mask, MARGIN)
     normals_picture = np.rint(127.5 * (normals.map + 1)).astype(np.uint8)
     normals_picture[~normals.mask] = 255
-    panels = [
-        display(np.broadcast_to(photograph, normals.map.shape))[box],
-        normals_picture[box],
-        relit(normals)[box],
-        _on_white(display(albedo), normals.mask)[box],
-    ]
+    panels = {
+        "photograph": display(np.broadcast_to(photograph, normals.map.shape))[box],
+        "normals": normals_picture[box],
+        "relit": relit(normals)[box],
+        "albedo": _on_white(display(albedo), normals.mask)[box],
+    }
     if error is not None:
-        panels.append(error[box])
-    gap = np.full((panels[0].shape[0], 6, 3), 255, np.uint8)
-    strip = np.concatenate([part for panel in panels for part in (panel, gap)][:-1], axis=1)
-    scale = PREVIEW_HEIGHT / strip.shape[0]
-    return strip if scale >= 1 else cv2.resize(strip, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        panels[f"error, 0 to {SCALE_DEG:g} deg"] = error[box]
+    shown = [labelled(_reduced(panel), name) for name, panel in panels.items()]
+    gap = np.full((shown[0].shape[0], 6, 3), 255, np.uint8)
+    return np.concatenate([part for panel in shown for part in (panel, gap)][:-1], axis=1)
+
+
+def _reduced(panel: np.ndarray) -> np.ndarray:
+    import cv2
+
+    scale = PREVIEW_HEIGHT / panel.shape[0]
+    return panel if scale >= 1 else cv2.resize(panel, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 
 def read_colours(path: Path, frame: tuple[int, int]) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from photonormal.disk import Batch
 from photonormal.export import encoded
 from photonormal.export.folder import report
+from photonormal.export.labels import with_scale
 from photonormal.export.mesh import display
 from photonormal.export.pictures import preview
 from photonormal.png import SRGB, encode_png
@@ -73,9 +74,9 @@ def pictures(result: Result, folder: Batch, linear_albedo: bool = False) -> None
         folder.write("albedo.png", shown)
         folder.write("preview.png", encode_png(preview(photograph(result), normals, albedo, error)))
     if error is not None:
-        folder.write("error.png", encode_png(error))
+        folder.write("error.png", encode_png(with_scale(error)))
     if normals.expected_error_deg is not None:
-        folder.write("expected-error.png", encode_png(colours(normals.expected_error_deg)))
+        folder.write("expected-error.png", encode_png(with_scale(colours(normals.expected_error_deg))))
 
 
 def photograph(result: Result) -> np.ndarray:

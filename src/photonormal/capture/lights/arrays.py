@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.lights.table import Table
-from photonormal.capture.matlab import read_mat, shapes_of
+from photonormal.files.matlab import read_mat, shapes_of
 from photonormal.files.opening import TEXT, open_file, read_array, reason_of, size_of
 from photonormal.types import InputError
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from photonormal.capture.matlab import read_mat
+from photonormal.files.matlab import read_mat
 from photonormal.types import InputError
 from tests.capture.files import refusal
 

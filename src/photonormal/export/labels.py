@@ -1,0 +1,51 @@
+"""Words and scales on pictures for people."""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import UInt8
+
+from photonormal.score import SCALE_DEG, colours
+
+INK = (40, 40, 40)
+LARGEST = 0.5  # of letters, in OpenCV's unit: about 12 pixels high
+NARROWEST = 200  # pixels that a scale takes
+TICKS = 4  # numbers on a scale
+
+
+def labelled(picture: UInt8[np.ndarray, "h w 3"], text: str) -> UInt8[np.ndarray, "h2 w 3"]:
+    """The picture under its name, in letters that fit its width."""
+    bar = np.full((20, picture.shape[1], 3), 255, np.uint8)
+    _write(bar, text, 2, 14, LARGEST, picture.shape[1] - 4)
+    return np.concatenate([bar, picture])
+
+
+def with_scale(picture: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h2 w2 3"]:
+    """A map of errors in degrees over what its colours mean; narrow ones become NARROWEST pixels wide."""
+    h, w = picture.shape[:2]
+    width, unit = max(w, NARROWEST), max(1.0, max(h, w) / 1000)  # letters grow with large pictures
+    bar, line = round(12 * unit), round(18 * unit)
+    below = np.full((4 + bar + line, width, 3), 255, np.uint8)
+    below[4 : 4 + bar] = colours(np.linspace(0, SCALE_DEG, width)[None])
+    for k in range(TICKS):
+        degrees = SCALE_DEG * k / (TICKS - 1)
+        text = f"{degrees:g}" if k < TICKS - 1 else f"{degrees:g}+ deg"
+        size = _size(text, LARGEST * 0.9 * unit)
+        at = round(k / (TICKS - 1) * width - size * k / (TICKS - 1))
+        _write(below, text, at, 4 + bar + round(13 * unit), LARGEST * 0.9 * unit, width)
+    wide = np.full((h, width, 3), 255, np.uint8)
+    wide[:, :w] = picture
+    return np.concatenate([wide, below])
+
+
+def _size(text: str, scale: float) -> int:
+    import cv2
+
+    return cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, scale, 1)[0][0]
+
+
+def _write(picture: np.ndarray, text: str, x: int, y: int, scale: float, width: int) -> None:
+    import cv2
+
+    scale *= min(1.0, max(width, 1) / max(_size(text, scale), 1))
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, scale, INK, max(1, round(scale)), cv2.LINE_AA)

@@ -1,4 +1,5 @@
 import errno
+import json
 import os
 import subprocess
 import sys
@@ -185,6 +186,32 @@ def test_a_file_that_took_the_place_of_one_being_undone_stays(tmp_path):
     (tmp_path / "b.txt").write_text("mine, written after the kill")
     recover(tmp_path)
     assert content(tmp_path) == {"a.txt": "old a", "b.txt": "mine, written after the kill"}
+
+
+@pytest.mark.parametrize("name", ["../thesis.txt", "{mine}/thesis.txt", "link/thesis.txt", "", 7])
+def test_a_journal_of_somebody_else_reaches_nothing_outside(tmp_path, name):
+    mine, folder = tmp_path / "mine", tmp_path / "downloaded"
+    place(mine, {"thesis.txt": "mine"})
+    place(folder, {f"{PARTIAL}/{place}/x": "theirs" for place in ("new", "old")})
+    for where in (folder, folder / PARTIAL / "new", folder / PARTIAL / "old"):
+        (where / "link").symlink_to(mine)
+    name = name.replace("{mine}", str(mine)) if isinstance(name, str) else name
+    entries = ({"written by": "photonormal"}, {"file": name}, {"old": [name], "new": {}, "folders": []}, {"done": True})
+    (folder / PARTIAL / "journal").write_text("".join(json.dumps(e) + "\n" for e in entries))
+    before = content(tmp_path)
+    for job in (recover, put):
+        with pytest.raises(InputError, match="not what a run of photonormal left"):
+            job(folder)
+        assert content(tmp_path) == before
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "{", "[" * 100_000, '{"old": 1}', '{"old": []}', '{"new": []}', '{"file": null}']
+)
+def test_a_journal_that_is_none_is_told_in_one_line(tmp_path, text):
+    place(tmp_path, {f"{PARTIAL}/journal": '{"written by": "photonormal"}\n' + text + "\n"})
+    with pytest.raises(InputError, match="look what is in it"):
+        recover(tmp_path)
 
 
 def test_the_next_run_tells_what_it_clears_up(tmp_path, caplog):

@@ -1,11 +1,16 @@
 import json
 import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
 from photonormal.disk import PARTIAL
+from photonormal.export import encoded, load_normals
 from photonormal.export.folder import report, whole_folder
 from photonormal.types import InputError
+from tests.scenes import sphere
 
 
 def result(out, names=("normals.png", "mesh.ply"), text="new", **how):
@@ -187,3 +192,32 @@ def test_a_name_of_ours_that_is_taken_is_refused(tmp_path):
     with pytest.raises(InputError, match="needs that name"):
         result(tmp_path, overwrite=True)
     assert (tmp_path / PARTIAL / "letter.txt").read_text() == "mine"
+
+
+KILLED = """
+import os, sys
+from pathlib import Path
+from photonormal.export.folder import report, whole_folder
+rename, left = os.rename, [int(sys.argv[2])]
+def killed(*paths):
+    left[0] -= 1
+    os.kill(os.getpid(), 9) if left[0] == 0 else rename(*paths)
+os.rename = killed
+with whole_folder(Path(sys.argv[1])) as batch:
+    batch.write("normals.npz", b"new")
+    report(batch, {})
+"""
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="there is no such end")
+@pytest.mark.parametrize("rename", [2, 3])
+def test_a_result_that_a_kill_left_among_its_moves_is_whole_when_it_is_read(tmp_path, caplog, rename):
+    normals = sphere(8)
+    with whole_folder(tmp_path) as batch:
+        batch.write("normals.npz", encoded(normals, "normals.npz"))
+        report(batch, {})
+    assert subprocess.run([sys.executable, "-c", KILLED, tmp_path, str(rename)]).returncode == -signal.SIGKILL
+    assert not (tmp_path / "report.json").exists() or not (tmp_path / "normals.npz").exists()
+    assert (load_normals(tmp_path).map == normals.map).all()
+    assert "the files that it was replacing are back" in caplog.text
+    assert sorted(os.listdir(tmp_path)) == ["normals.npz", "report.json"]

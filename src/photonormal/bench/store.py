@@ -20,7 +20,7 @@ from typing import Any, NotRequired, TypedDict
 import numpy as np
 
 import photonormal
-from photonormal.disk import PARTIAL, at_once
+from photonormal.disk import PARTIAL, at_once, recover
 from photonormal.export.folder import as_json
 from photonormal.files.opening import read_npz
 from photonormal.options import Count, NotNegative, Precision
@@ -197,6 +197,8 @@ def configs(runs: Path) -> dict[tuple[str, str], Config]:
     """(label, dataset) -> config of every folder of predictions."""
     if not runs.is_dir():
         raise InputError(f"{runs} is no folder; give the --out of photonormal bench.")
+    for left in sorted(runs.glob(f"*/*/{PARTIAL}")):
+        recover(left.parent)
     found = {(p.parts[-3], p.parts[-2]): read_config(p) for p in sorted(runs.glob(f"*/*/{CONFIG}"))}
     if not found:
         raise InputError(f"{runs} holds no predictions; run photonormal bench with --out {runs} first.")

@@ -95,7 +95,7 @@ def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
     images: Any = capture.images
     images = getattr(images, "images", images)  # those that are corrected
     pictures = [file for picture in getattr(images, "pictures", ()) for file in parts(picture)]
-    return [path, *([] if path.is_dir() else [path.parent]), *pictures, *(p for p in others if isinstance(p, Path))]
+    return [path, *([path.parent] if path.is_file() else []), *pictures, *(p for p in others if isinstance(p, Path))]
 
 
 def told(path: str | Path, how: dict[str, Any]) -> dict[str, Any]:

@@ -7,13 +7,14 @@
 from photonormal.disk.batch import Batch, Inside, at_once, recover, write
 from photonormal.disk.journal import PARTIAL
 from photonormal.disk.lock import lock, uninterrupted
-from photonormal.disk.refusals import refuse_folder, refuse_taken, unwritable
+from photonormal.disk.refusals import identities, refuse_folder, refuse_taken, unwritable
 
 __all__ = [
     "PARTIAL",
     "Batch",
     "Inside",
     "at_once",
+    "identities",
     "lock",
     "recover",
     "refuse_folder",

@@ -15,6 +15,7 @@ from photonormal.types import InputError
 PARTIAL = ".photonormal-partial"  # folder of the journal and of the files to come and to go
 NAME = "journal"
 HEADER = {"written by": "photonormal"}  # first line
+LONGEST = 2**26  # bytes of a journal
 NO_MOVES: dict[str, Any] = {"old": [], "new": {}, "folders": []}
 
 
@@ -66,13 +67,35 @@ class Journal:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     def entries(self) -> list[dict[str, Any]]:
-        """The lines; not the last one where a kill or a full disk cut it."""
-        data = os.pread(self.file, os.fstat(self.file).st_size, 0) if hasattr(os, "pread") else self._read()
-        return [json.loads(line) for line in data.split(b"\n")[:-1]]
+        """The lines; not the last one where a kill or a full disk cut it.
 
-    def _read(self) -> bytes:
+        Raises
+        ------
+        InputError
+            If they are none of a batch's, or name anything that lies elsewhere: the folder may be another's work.
+        """
         os.lseek(self.file, 0, os.SEEK_SET)
-        return os.read(self.file, os.fstat(self.file).st_size)
+        data = os.read(self.file, LONGEST)
+        try:
+            found = [json.loads(line) for line in data.split(b"\n")[:-1]]
+            for entry in found:
+                for name in _names(entry):
+                    self._check_name(name)
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            partial = self.folder / PARTIAL
+            raise InputError(
+                f"{partial} is not what a run of photonormal left; look what is in it, then remove it."
+            ) from None
+        return found
+
+    def _check_name(self, name: str) -> None:
+        """ValueError for what can be no file of the folder, or is reached through a link."""
+        path = Path(name)
+        if path.is_absolute() or path.drive or ".." in path.parts or not path.parts:
+            raise ValueError
+        above = [base / p for base in (self.new, self.old, self.folder) for p in path.parents]
+        if any(p.is_symlink() for p in above if p != self.folder):
+            raise ValueError
 
     def move(self, moves: dict[str, Any]) -> None:
         """Put the new files into place and the old ones aside, all or none.
@@ -157,6 +180,14 @@ def _ours(partial: Path) -> bool:
         return json.dumps(HEADER).encode().startswith(journal.read_bytes()[:100].partition(b"\n")[0])
     except FileNotFoundError:
         return True
+
+
+def _names(entry: dict[str, Any]) -> list[str]:
+    """All names in a line; ValueError, TypeError or AttributeError where it is none of a batch's."""
+    moved = [*entry.get("old", []), *entry.get("new", {}).keys(), *entry.get("folders", [])]
+    if "old" in entry and not entry.keys() == NO_MOVES.keys():
+        raise ValueError
+    return [*moved, *([entry["file"]] if "file" in entry else [])]
 
 
 def _rename(path: Path, to: Path) -> None:

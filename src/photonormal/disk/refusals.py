@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from photonormal.types import InputError
@@ -35,12 +36,22 @@ def refuse_folder(path: Path) -> None:
         raise InputError(f"{path} is a folder but a file is to be written there; choose another --out.")
 
 
+def identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
+    """What tells files and folders that exist from all others, by whatever name, link or mount they are reached."""
+    found = set()
+    for path in paths:
+        with suppress(OSError, ValueError):
+            status = path.stat()
+            found.add((status.st_dev, status.st_ino))
+    return found
+
+
 def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] = (), option: str = "--out") -> None:
     """InputError where a file to be written is a folder, exists without `overwrite`, or is one of the files read.
 
     `option` is what the user names the file by.
     """
-    used = {os.path.realpath(p) for p in reads}
+    used = identities(reads)
     for path in paths:
         try:
             os.lstat(path)
@@ -50,7 +61,7 @@ def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] =
             raise unwritable(path, error) from None
         if path.is_dir():
             raise InputError(f"{path} is a folder but a file is to be written there; choose another {option}.")
-        if os.path.realpath(path) in used:
+        if identities([path]) & used:
             raise InputError(f"{path} is read here and is not written over; choose another {option}.")
         if not overwrite:
             raise InputError(f"{path} exists; choose another {option}, or add --overwrite to replace it.")

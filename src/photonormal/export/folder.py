@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from photonormal.disk import PARTIAL, Batch, at_once, refuse_folder, unwritable
+from photonormal.disk import PARTIAL, Batch, at_once, identities, refuse_folder, unwritable
 from photonormal.types import InputError
 
 REPORT = "report.json"
@@ -39,7 +39,7 @@ def whole_folder(out: Path, overwrite: bool = False, reads: Iterable[Path | None
         Before the block, where the results can't be written: `out` is a file, read-only, in use by another process,
         one of `reads`, or holds things that may not be replaced. After it, where they couldn't be.
     """
-    used = [Path(os.path.realpath(p)) for p in reads if p is not None]
+    used = identities(p for p in reads if p is not None)
     try:
         _refuse(out, overwrite, used)
     except OSError as error:
@@ -67,14 +67,14 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else str(value)
 
 
-def _refuse(out: Path, overwrite: bool, used: list[Path]) -> None:
+def _refuse(out: Path, overwrite: bool, used: set[tuple[int, int]]) -> None:
     if out.is_symlink() and not out.exists():
         raise InputError(f"{out} is a link to nothing but a folder for the results is needed; choose another --out.")
     if os.path.lexists(out) and not out.is_dir():
         raise InputError(f"{out} is a file but a folder for the results is needed; choose another --out.")
     if not out.is_dir():
         return
-    if Path(os.path.realpath(out)) in used:
+    if identities([out]) & used:
         raise InputError(
             f"{out} holds the photographs, and results would be taken for more of them; choose another --out, "
             f"such as {out / 'result'}."
@@ -88,7 +88,7 @@ def _refuse(out: Path, overwrite: bool, used: list[Path]) -> None:
         )
 
 
-def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: list[Path]) -> list[str]:
+def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: set[tuple[int, int]]) -> list[str]:
     """The files of `out` that go when a result with files `names` comes; InputError where one of them may not."""
     ours = listed(out) or []
     for name in dict.fromkeys([*names, *ours]):
@@ -96,8 +96,8 @@ def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: list[Path]
         refuse_folder(path)
         if not os.path.lexists(path):
             continue
-        place = Path(os.path.realpath(path))
-        if place in used or (name not in ours and any(place.is_relative_to(u) for u in used)):
+        above = Path(os.path.realpath(path)).parents
+        if identities([path]) & used or (name not in ours and identities(above) & used):
             raise InputError(f"{path} is among what is read here, and is not written over; choose another --out.")
         if name not in ours and not overwrite:
             raise InputError(

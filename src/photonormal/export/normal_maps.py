@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool
 
+from photonormal.disk import recover
 from photonormal.export import foreign
 from photonormal.export.foreign import AUTO
 from photonormal.files.decode import KINDS, decode_all
@@ -79,6 +80,7 @@ def read(
     if channels not in foreign.CHANNELS:
         raise InputError(f"no channels {channels[:40]!r}; choose from {', '.join(foreign.CHANNELS)}.")
     if path.is_dir():
+        recover(path)
         if not os.path.lexists(path / "normals.npz"):
             raise InputError(f"{path} holds no normals.npz; give a folder that `photonormal measure` wrote.")
         path = path / "normals.npz"

@@ -12,6 +12,7 @@ import numpy as np
 
 from photonormal.capture import DEMO, load
 from photonormal.capture.images import MARGIN
+from photonormal.disk import recover
 from photonormal.export import load_normals
 from photonormal.export.folder import REPORT
 from photonormal.export.heights import heights_px, read_depth
@@ -159,6 +160,7 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
 def _report(folder: Path) -> Report:
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder; give one that `photonormal measure` wrote.")
+    recover(folder)
     if not is_result(folder):
         raise InputError(f"{folder} holds no {REPORT} and normals.npz; give a folder that `photonormal measure` wrote.")
     return read_json(folder / REPORT, Report, AGAIN)

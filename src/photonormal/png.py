@@ -32,8 +32,8 @@ def text(key: str, value: str) -> dict[bytes, bytes]:
     return {b"tEXt": key.encode("latin-1") + b"\0" + value.encode("latin-1")}
 
 
-def remarks(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
-    """Kind and content of the chunks before the samples, but very long ones; none where the open file is no PNG."""
+def remarks(file: BinaryIO, longest: int = LONGEST) -> Iterator[tuple[bytes, bytes]]:
+    """Kind and content of the chunks before the samples, but longer ones; none where the open file is no PNG."""
     file.seek(0)
     if file.read(len(START)) != START:
         return
@@ -41,7 +41,7 @@ def remarks(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
         length, kind = struct.unpack(">I4s", head)
         if kind in (b"IDAT", b"IEND"):
             return
-        if length > LONGEST:
+        if length > longest:
             file.seek(length + 4, 1)
         else:
             yield kind, file.read(length)

@@ -16,6 +16,7 @@ from photonormal.calibrate.circle import Circle, SphereError
 from photonormal.calibrate.mirror import mean_directions, nearest_point
 from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
 from photonormal.capture import files_read, load
+from photonormal.capture.encoding import encodings
 from photonormal.capture.images import ImageFiles, parts, read_mask
 from photonormal.capture.pictures import find_mask, find_pictures, no_pictures, parse_images
 from photonormal.capture.texts import read_lines
@@ -250,7 +251,9 @@ def intensities(
                 raise InputError(
                     f"{reference or capture} holds {len(paths)} photographs of the board but {n} are needed."
                 )
-            images = ImageFiles(paths, None, np.ones((n, 1)), bool(how.get("srgb")))
+            images = ImageFiles(
+                paths, None, np.ones((n, 1)), encodings(paths, bool(how.get("srgb")), bool(how.get("linear")))
+            )
             box = _region(region, images.shape[1:3])
             levels = np.stack(images_of(images, lambda image: np.median(image[box], axis=(0, 1))))
             e = from_reference(levels, str(reference or capture), np.array([0.0, 0, 1]), L)

@@ -181,6 +181,8 @@ class Capture:
         what gives those of some pixels when asked (``lights_at[a:b]``); then the images hold no fall-off
         (`photonormal.solve.engine.near` makes such captures)
     notes : what was assumed when it was read, and the user should know, a sentence each
+    encoding : how the files' samples were taken and what says so, such as "sRGB (Exif)"; `linearised` where they were
+        not linear
 
     Raises
     ------
@@ -200,6 +202,8 @@ class Capture:
     camera: Camera | None = None
     lights_at: LightsAt | None = field(default=None, repr=False)
     notes: tuple[str, ...] = field(default=(), repr=False)
+    encoding: str = field(default="", repr=False)
+    linearised: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         from photonormal.arrays import as_images, as_mask, as_normals

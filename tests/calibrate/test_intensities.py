@@ -112,7 +112,7 @@ def test_exif_tells_exposures(tmp_path):
         jpeg(tmp_path / f"{j}.jpg", seconds, iso)
     found = exposures([tmp_path / f"{j}.jpg" for j in range(3)])
     assert np.allclose(found[:, 0] / found[0, 0], [1, 2, 2])
-    assert read_exif(tmp_path / "0.jpg").srgb
+    assert read_exif(tmp_path / "0.jpg").colour_space == "sRGB"
 
 
 def test_pictures_without_exposure_data_are_refused(tmp_path):

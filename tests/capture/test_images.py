@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from photonormal.capture import store
+from photonormal.capture.encoding import Encoding
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.srgb import to_linear
 from photonormal.types import Capture, box_of
@@ -116,14 +117,16 @@ class TestEncoded:
         path = write_picture(tmp_path / "a.png", samples(0, dtype))
         full = np.iinfo(dtype).max
         np.testing.assert_allclose(
-            ImageFiles([path], None, np.array([[1.0, 2.0, 4.0]]), srgb=True)[0],
+            ImageFiles([path], None, np.array([[1.0, 2.0, 4.0]]), encodings=[Encoding((to_linear,))])[0],
             to_linear(samples(0, dtype) / full) / np.array([1, 2, 4]),
             rtol=1e-6,
         )
 
     def test_floats_are_linear(self, tmp_path):
         path = write_picture(tmp_path / "a.exr", samples(0, np.float32))
-        np.testing.assert_array_equal(ImageFiles([path], None, ONE[:1], srgb=True)[0], samples(0, np.float32))
+        np.testing.assert_array_equal(
+            ImageFiles([path], None, ONE[:1], encodings=[Encoding((to_linear,))])[0], samples(0, np.float32)
+        )
 
 
 class TestSums:

@@ -133,10 +133,13 @@ class TestRaw:
 
     def test_it_is_linear_already(self, tmp_path):
         pytest.importorskip("rawpy")
+        from photonormal.capture.encoding import encodings
         from photonormal.capture.images import ImageFiles
 
         path = _write_dng(tmp_path / "a.dng", 4000, 1000, 500)
-        plain, encoded = (ImageFiles([path], None, np.ones((1, 1)), srgb)[0] for srgb in (False, True))
+        plain, encoded = (
+            ImageFiles([path], None, np.ones((1, 1)), encodings([path], srgb))[0] for srgb in (False, True)
+        )
         np.testing.assert_array_equal(plain, encoded)
 
     def test_junk(self, tmp_path, capfd):

@@ -46,7 +46,7 @@ def load(
     images : subset by 1-based numbers, "1-10,15"; empty: all
     lights : file with light directions, instead of the capture's own
     mask : mask picture, instead of the capture's own
-    srgb : the pictures are sRGB-encoded (camera JPEGs are) and have to be linearised
+    srgb : the pictures are sRGB-encoded and have to be linearised; otherwise what their files say is believed
     intensities : file with light intensities, instead of the capture's own
     dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by; `flat`
         may be a folder with one of a white board for each light, which fall-off and intensity are taken from
@@ -98,8 +98,11 @@ def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
     return [path, *([path.parent] if path.is_file() else []), *pictures, *(p for p in others if isinstance(p, Path))]
 
 
-def told(path: str | Path, how: dict[str, Any]) -> dict[str, Any]:
-    """How a capture was read, for reports: `source`, and the options given, under `reading`; paths are absolute."""
+def told(path: str | Path, how: dict[str, Any], capture: Capture) -> dict[str, Any]:
+    """How a capture was read, for reports: `source`, and under `reading` the options given and how the samples were
+    taken to be encoded; paths are absolute."""
     source = str(Path(path).resolve()) if Path(path).exists() else str(path)
     reading = {key: str(v.resolve()) if isinstance(v, Path) else v for key, v in how.items() if v}
+    if capture.encoding:
+        reading["encoding"] = capture.encoding
     return {"source": source, "reading": reading}

@@ -10,14 +10,16 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
-from photonormal.capture.exif import declared_srgb, exposures
-from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, read_mask, size_of
+from photonormal.capture.encoding import encodings, not_applied, told
+from photonormal.capture.exif import exposures
+from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes
 from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import read_lights
 from photonormal.capture.lights.match import in_order_of
 from photonormal.capture.lights.near import placed
 from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
+from photonormal.capture.orientation import read_drawn
 from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated, white_boards
 from photonormal.capture.texts import read_intensities
 from photonormal.geometry import from_frame
@@ -38,8 +40,8 @@ class Choice:
     rgb_lights : each photograph shows three lights at a time, one in red, one in green and one in blue
     prefer : which kind of file to take where pictures are there in two kinds, such as RAW and JPEG
     mask : mask picture, instead of the folder's own
-    srgb : the pictures are sRGB-encoded and have to be linearised
-    linear : they are not, though 8-bit pictures say so in their Exif data, which is believed otherwise
+    srgb : the pictures are sRGB-encoded and have to be linearised, whatever their files say
+    linear : they are linear, whatever their files say, which is believed otherwise (`photonormal.capture.encoding`)
     intensities : file with light intensities (n, 1 or 3), instead of the folder's own
     exif_exposure : divide by the exposures that the pictures tell in their Exif data
     dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by; `flat`
@@ -103,10 +105,12 @@ def assemble(
     if boards is not None:
         e = np.ones((len(used), 1))  # they have them in them
     mask = mask if choice.mask is None else choice.mask
+    said = encodings([parts(p)[0] for p in used], choice.srgb, choice.linear)
+    notes = [*lit.notes, *not_applied(said)]
     if isinstance(mask, Path):
-        mask = read_mask(mask, size_of(used[0]))
-    srgb = choice.srgb or (not choice.linear and declared_srgb(parts(used[0])[0]))
-    samples = ImageFiles(used, None if choice.lens else mask, e, srgb, distinct=True)
+        mask, turned = read_drawn(mask, used)
+        notes += turned
+    samples = ImageFiles(used, None if choice.lens else mask, e, said, distinct=True)
     lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
@@ -129,7 +133,9 @@ def assemble(
         saturation=samples.saturation,
         name=name,
         image_names=tuple(name_of(p) for p in used),
-        notes=lit.notes,
+        notes=tuple(notes),
+        encoding=told(samples.encodings),
+        linearised=any(encoding.curves for encoding in samples.encodings),
     )
 
 
@@ -257,13 +263,13 @@ def corrected(
 
     `flats` are pictures of a white board, one for each light, and the lights' cosines, where they are known.
     """
-    shape, linear = (*files.frame, 3 if choice.rgb_lights else files.shape[3]), files.linear
-    dark = read_frame(choice.dark, shape, "dark frame", linear) if choice.dark else None
+    shape, encoding = (*files.frame, 3 if choice.rgb_lights else files.shape[3]), files.encodings[0]
+    dark = read_frame(choice.dark, shape, "dark frame", encoding) if choice.dark else None
     flat = None
     if flats is not None:
-        flat = FlatFields(flats[0], shape, dark, linear, flats[1])
+        flat = FlatFields(flats[0], shape, dark, encoding, flats[1])
     elif choice.flat:
-        flat = flat_field(read_frame(choice.flat, shape, "flat field", linear), dark, choice.flat)
+        flat = flat_field(read_frame(choice.flat, shape, "flat field", encoding), dark, choice.flat)
     hot = None
     if choice.hot_pixels:
         level = dark

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.capture.encoding import Encoding, encoding_of
 from photonormal.capture.images import ImageFiles
 from photonormal.capture.lens import Lens
 from photonormal.capture.store import Framed
@@ -85,8 +86,11 @@ def neighbours(image: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w c"]:
     return cv2.medianBlur(np.ascontiguousarray(image, np.float32), 3).reshape(image.shape)
 
 
-def read_frame(path: Path, shape: tuple[int, ...], what: str, linear: np.ndarray | None = None) -> np.ndarray:
-    """A dark frame or flat field (h, w, c) as a fraction of full scale, linearised by the table `linear`."""
+def read_frame(path: Path, shape: tuple[int, ...], what: str, encoding: Encoding) -> np.ndarray:
+    """A dark frame or flat field (h, w, c) as a fraction of full scale, linear.
+
+    `encoding` is that of the photographs, which holds where the file says nothing or the user says what it is.
+    """
     frame = frame_of(path)
     samples = decode(path) if frame == tuple(shape[:2]) else None
     if samples is None or samples.shape[2] not in (1, shape[2]):
@@ -95,8 +99,10 @@ def read_frame(path: Path, shape: tuple[int, ...], what: str, linear: np.ndarray
             f"the {what} {path} is {came} but the photographs are {tuple(shape)}; take it with the same camera and "
             "settings."
         )
-    if linear is not None and samples.dtype.kind == "u":
-        return linear[samples]
+    own = encoding if encoding.by_user else encoding_of(path)
+    encoding = own if own.declared else encoding
+    if encoding.curves and samples.dtype.kind == "u":
+        return encoding.linear(samples)
     return samples.astype(np.float32) / np.float32(full_scale(samples))
 
 
@@ -120,7 +126,8 @@ class FlatFields:
     ----------
     paths : the n pictures of the board, which faces the camera
     shape : (h, w, c) of the photographs
-    dark : their dark level, or None; `linear` linearises them
+    dark : their dark level, or None
+    encoding : the photographs', see `read_frame`
     cosines : (n,) of the lights and the camera's axis, which the board shows too; or None
     """
 
@@ -129,10 +136,10 @@ class FlatFields:
         paths: Sequence[Path],
         shape: tuple[int, ...],
         dark: np.ndarray | None,
-        linear: np.ndarray | None,
+        encoding: Encoding,
         cosines: Float[np.ndarray, " n"] | None,
     ):
-        self.paths, self.shape, self.dark, self.linear = paths, shape, dark, linear
+        self.paths, self.shape, self.dark, self.encoding = paths, shape, dark, encoding
         self.cosines = np.ones(len(paths)) if cosines is None else cosines
         medians = [float(np.median(self._level(j))) for j in range(len(paths))]
         black = [path for path, middle in zip(paths, medians, strict=True) if middle <= 0]
@@ -152,7 +159,7 @@ class FlatFields:
         return np.where(level > LEAST_FLAT * np.median(level), level / self.cosines[j], np.inf)
 
     def _level(self, j: int) -> np.ndarray:
-        level = read_frame(self.paths[j], self.shape, "flat field", self.linear)
+        level = read_frame(self.paths[j], self.shape, "flat field", self.encoding)
         return level if self.dark is None else np.maximum(level - self.dark, 0)
 
 

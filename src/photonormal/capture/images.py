@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.capture.encoding import LINEAR, Encoding
 from photonormal.capture.store import Framed
-from photonormal.files.decode import RAW, decode, decode_all, frame_of, full_scale
-from photonormal.srgb import to_linear
+from photonormal.files.decode import decode, decode_all, frame_of, full_scale
 from photonormal.types import Image, InputError, box_of
 
 
@@ -90,7 +90,8 @@ class ImageFiles:
     pictures : the files
     mask : (h, w) bool, or None: the whole frame is on the object
     intensities : (n, 1) or (n, 3) by which radiance is divided
-    srgb : True where the files are sRGB-encoded and have to be linearised; RAW files and floats never are
+    encodings : what makes the samples of each file linear (`photonormal.capture.encoding`); None: they are. Floats
+        always are
     distinct : True where each picture has a light of its own: equal ones are refused
     """
 
@@ -99,7 +100,7 @@ class ImageFiles:
         pictures: Sequence[Picture],
         mask: np.ndarray | None,
         intensities: np.ndarray,
-        srgb: bool = False,
+        encodings: Sequence[Encoding] | None = None,
         distinct: bool = False,
     ):
         self.frame = size_of(pictures[0])
@@ -115,8 +116,9 @@ class ImageFiles:
         self.intensities = np.broadcast_to(intensities, (n, c)).astype(np.float32)
         scale = full_scale(first)
         self.scale = np.float32(1 / scale)
-        encoded = srgb and self.dtype.kind == "u" and parts(pictures[0])[0].suffix.lower() not in RAW
-        self.linear = to_linear(np.arange(scale + 1) / scale) if encoded else None
+        if encodings is None or self.dtype.kind != "u":
+            encodings = [LINEAR if self.dtype.kind == "u" else Encoding(by="floats are")] * n
+        self.encodings = encodings
         self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else box_of(mask, MARGIN)
         self._first: np.ndarray | None = first[self.box]
         self._kept = Framed(self.shape, self.box, self.dtype, self._samples)
@@ -180,8 +182,10 @@ class ImageFiles:
     def _linear(self, j: int, size: tuple[int, ...], at: tuple[slice, slice], samples: np.ndarray) -> Image:
         """Linear radiance of a part of a picture whose samples lie at `at`; zero around them."""
         (h, w), c, scale = size, self.shape[3], self.scale
-        if self.linear is not None:
-            samples, scale = self.linear[samples], np.float32(1)
+        if self.encodings[j].curves:
+            picture = self.pictures[j]
+            channel = picture.channel if isinstance(picture, Plane) else None
+            samples, scale = self.encodings[j].linear(samples, channel), np.float32(1)
         image = np.zeros((h, w * c), np.float32)  # whole rows: numpy is slow where it scales three channels at a time
         rows, columns = at
         out = image[rows, columns.start * c : columns.stop * c]

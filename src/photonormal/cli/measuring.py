@@ -85,7 +85,9 @@ class Measure:
                 expected_error=written.expected_error,
                 precision=by.precision,
             )
-            report = write_result(result, folder, written.normals_frame, told(self.capture, how), written.linear_albedo)
+            report = write_result(
+                result, folder, written.normals_frame, told(self.capture, how, capture), written.linear_albedo
+            )
         warn(report["warnings"])
         if written.json:
             print(as_json(report).decode(), end="")

@@ -79,9 +79,9 @@ class Corrections:
     """What is done to the photographs' samples."""
 
     srgb: bool = False
-    """The photographs are sRGB-encoded, as camera JPEGs are, and have to be linearised."""
+    """The photographs are sRGB-encoded and have to be linearised; by default their profile or Exif data is believed."""
     linear: bool = False
-    """They are linear, though JPEGs declare sRGB in their Exif data, which is believed otherwise."""
+    """They are linear, whatever their profile or Exif data says."""
     dark: File = None
     """Picture taken with all lights off, which is subtracted: ambient light and the sensor's black."""
     flat: FileOrFolder = None

@@ -1,0 +1,60 @@
+"""Masks drawn on photographs as viewers show them."""
+
+import numpy as np
+import pytest
+
+import photonormal as pn
+from tests.capture.embedding import exif, write_with
+from tests.capture.files import LIGHTS, refusal, write_picture
+
+STORED = np.zeros((24, 30), bool)
+STORED[2:9, 3:14] = True
+SHOWN = {  # what a viewer makes of the stored rows and columns (Exif 2.32, orientation)
+    1: STORED,
+    2: STORED[:, ::-1],
+    3: STORED[::-1, ::-1],
+    4: STORED[::-1],
+    5: STORED.T,
+    6: STORED[::-1].T,
+    7: STORED[::-1, ::-1].T,
+    8: STORED[:, ::-1].T,
+}
+
+
+def capture(path, mask, orientations=(3, 3, 3, 3)):
+    """Pictures of a bright patch on a dark ground."""
+    rng = np.random.default_rng(0)
+    for j, orientation in enumerate(orientations):
+        picture = np.where(STORED, 180, 20)[..., None] + rng.integers(0, 20, (24, 30, 3))
+        write_with(path / f"{j + 1}.png", picture.astype(np.uint8), exif=exif(orientation=orientation))
+    np.savetxt(path / "light_directions.txt", LIGHTS)
+    write_picture(path / "mask.png", mask.astype(np.uint8) * 255)
+    return path
+
+
+@pytest.mark.parametrize("orientation", SHOWN)
+def test_a_mask_drawn_on_what_viewers_show_is_turned_back(tmp_path, orientation):
+    found = pn.load(capture(tmp_path, SHOWN[orientation], 4 * [orientation]))
+    np.testing.assert_array_equal(found.mask, STORED)
+    assert [("turned back" in note) for note in found.notes] == ([True] if orientation > 1 else [])
+
+
+@pytest.mark.parametrize("orientation", [2, 3, 4, 6])
+def test_a_mask_drawn_on_the_samples_stays(tmp_path, orientation):
+    found = pn.load(capture(tmp_path, STORED, 4 * [orientation]))
+    np.testing.assert_array_equal(found.mask, STORED)
+    assert len(found.notes) == (orientation != 6)  # which only fits as it is
+
+
+def test_notes_may_change_while_a_camera_looks_down(tmp_path):
+    found = pn.load(capture(tmp_path, SHOWN[8], (1, 6, 8, 8)))
+    np.testing.assert_array_equal(found.mask, STORED)
+
+
+def test_pictures_stay_as_the_sensor_saw_them(tmp_path):
+    found = pn.load(capture(tmp_path, STORED))
+    assert found.images[0][STORED].min() > 0.6 > found.images[0][~STORED].max()
+
+
+def test_another_size_is_refused(tmp_path):
+    assert "(20, 20)" in refusal(pn.load, capture(tmp_path, np.ones((20, 20), bool), 4 * [6]))

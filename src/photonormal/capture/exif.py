@@ -35,7 +35,9 @@ class Exif:
         adobe = space == 2 or (space == 0xFFFF and isinstance(index, bytes) and index.startswith(b"R03"))
         orientation = int(found.number(ORIENTATION) or 1)
         return Exif(
-            *(found.number(tag) for tag in (EXPOSURE, F_NUMBER, ISO)),
+            found.number(EXPOSURE),
+            found.number(F_NUMBER),
+            found.number(ISO),
             "sRGB" if space == 1 else "Adobe RGB" if adobe else "",
             orientation if 1 <= orientation <= 8 else 1,
         )

@@ -38,7 +38,8 @@ def read_drawn(path: Path, pictures: Sequence[Picture]) -> tuple[Bool[np.ndarray
     orientations = sorted({read_exif(parts(p)[0]).orientation for p in pictures} - {1})
     if not orientations:
         return read_mask(path, frame), []
-    mask = read_mask(path, frame[::-1] if size_of(path) == frame[::-1] else frame)
+    size = size_of(path)
+    mask = read_mask(path, size if size == frame[::-1] else frame)
     ways = {o: m for o, m in {1: mask, **{o: BACK[o](mask) for o in orientations}}.items() if m.shape == frame}
     if not ways:
         return read_mask(path, frame), []  # which refuses it

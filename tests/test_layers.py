@@ -20,12 +20,14 @@ BASE = {
     "srgb",
     "arrays",
     "notebook",
+    "crop",
 }
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
     "arrays": {"types"},
     "notebook": {"types", "png"},
-    "types": {"arrays", "notebook"},
+    "types": {"arrays", "notebook", "crop"},
+    "crop": {"types", "options"},
     "files": {"types", "png"},
     "geometry": {"types"},
     "curl": set(),

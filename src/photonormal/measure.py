@@ -42,7 +42,8 @@ def measure(
     method : a key of photonormal.solve.METHODS; `options` are its fields
     device : "auto", "cpu" or "cuda"
     integration : a key of photonormal.integrate.METHODS; None: no depth
-    K : (3, 3) camera matrix in pixels, for a perspective surface; None: the capture's own, if it has one
+    K : (3, 3) camera matrix of the whole photographs, pixels, for a perspective surface; None: the capture's own, if it
+        has one
     albedo : whether to find it, which takes lights, given or found by the method; so do expected errors
     expected_error : whether to tell how far each normal is expected to be off
     examine : whether to look for faults of the photographs and lights (`photonormal.check`), the report's warnings
@@ -90,8 +91,7 @@ def measure(
             rho = lambertian_albedo(lit, normals)
     if integration is not None:
         with _stage("integrate", seconds), progress(f"depth by {integration}"):
-            own = None if capture.camera is None else capture.camera.K
-            surface = integrate(normals, integration, K=own if K is None else K)
+            surface = integrate(normals, integration, K=_camera_matrix(capture, K))
     dark = int(capture.mask.sum()) - int(normals.mask.sum())
     if dark:
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
@@ -105,6 +105,7 @@ def measure(
         "precision": computed_in,
         "images": list(capture.image_names),
         "lights": capture.images.shape[0],
+        "crop": None if capture.crop is None else capture.crop.as_dict(),
         "light": "distant" if capture.lamps is None else "near",
         "pixels": {"mask": int(capture.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
         "samples": samples,
@@ -119,6 +120,13 @@ def measure(
         report["score"] = score(normals, capture.truth).as_dict()
     lights, intensities = (None if v is None else v.numpy() for v in (found.lights, found.intensities))
     return Result(capture, normals, rho, surface, lights, intensities, report)
+
+
+def _camera_matrix(capture: Capture, K: np.ndarray | None) -> np.ndarray | None:
+    """The capture's own, or `K` of the whole photographs as one of what the capture shows of them."""
+    if K is None:
+        return None if capture.camera is None else capture.camera.K
+    return K if capture.crop is None else capture.crop.matrix(K)
 
 
 def read_camera(path: Path | None) -> np.ndarray | None:

@@ -23,6 +23,7 @@ Port = Annotated[int, Meta(ge=0, lt=2**16, description="a whole number from 0 to
 Positive = Annotated[float, Meta(gt=0, description="a finite number above 0")]
 NotNegative = Annotated[float, Meta(ge=0, description="a finite number of at least 0")]
 Coordinate = Annotated[float, Meta(ge=-LARGEST, le=LARGEST, description="a finite number of pixels")]
+Scale = Annotated[float, Meta(gt=0, le=1, description="a number above 0 and at most 1")]
 Share = Annotated[float, Meta(ge=0, le=1, description="a number from 0 to 1")]
 Angle = Annotated[float, Meta(gt=0, le=180, description="degrees above 0 and up to 180")]
 Device = Annotated[str, Meta(pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$", description="auto, cpu or cuda")]

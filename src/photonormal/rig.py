@@ -200,15 +200,17 @@ def check(
             "photonormal": photonormal.__version__,
             "capture": photographs.name,
             "images": list(names),
+            "crop": None if photographs.crop is None else photographs.crop.as_dict(),
             "findings": [f.as_dict() for f in found],
         }
         if L is not None:
             folder.write("lights.png", encode_png(polar_plot(L)))
         fixed = next((f.lights for f in found if f.lights is not None), None)
         if fixed is not None:
-            folder.write("corrected.lp", text.lp(names, fixed))
-            camera = photographs.camera if photographs.lamps is not None else None
+            camera, crop = photographs.camera if photographs.lamps is not None else None, photographs.crop
             middle = 0 if camera is None else camera.flat_mm(photographs.mask).mean(0)  # lamps' are positions
+            origin = 0 if camera is None or crop is None else crop.origin_mm(camera)
+            folder.write("corrected.lp", text.lp(names, fixed + origin))  # of the whole photographs
             folder.write("corrected.png", encode_png(polar_plot(normalised(fixed - middle))))
         report(folder, content)
     return found, [Path(out) / name for name in sorted(folder.names)]

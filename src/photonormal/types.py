@@ -12,10 +12,13 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from jaxtyping import Bool, Float
+
+if TYPE_CHECKING:
+    from photonormal.crop import Crop
 
 Image = Float[np.ndarray, "h w c"]  # linear radiance / light intensity, float32
 Lights = Float[np.ndarray, "n 3"]  # unit vectors, from the surface to the light
@@ -180,6 +183,7 @@ class Capture:
     lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ, or
         what gives those of some pixels when asked (``lights_at[a:b]``); then the images hold no fall-off
         (`photonormal.solve.engine.near` makes such captures)
+    crop : which part of the photographs it shows, reduced; None: all of them
     notes : what was assumed when it was read, and the user should know, a sentence each
     encoding : how the files' samples were taken and what says so, such as "sRGB (Exif)"; `linearised` where they were
         not linear
@@ -201,6 +205,7 @@ class Capture:
     lamps: Lamps | None = None
     camera: Camera | None = None
     lights_at: LightsAt | None = field(default=None, repr=False)
+    crop: Crop | None = None
     notes: tuple[str, ...] = field(default=(), repr=False)
     encoding: str = field(default="", repr=False)
     linearised: bool = field(default=False, repr=False)

@@ -4,7 +4,6 @@ import base64
 import re
 import zlib
 
-import cv2
 import numpy as np
 import pytest
 
@@ -88,16 +87,23 @@ def test_large_photographs_are_reduced_and_marks_are_not(tmp_path):
     assert angle_deg(capture.lights, L[:5]).max() < 1
 
 
-def test_a_crop_limits_the_mask(folder):
-    Marking(folder).save(Marks(crop=(100, 50, 300, 250)))
-    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 0
-    assert mask[50:250, 100:300].all() and mask.sum() == 200 * 200
+def test_a_crop_is_what_is_measured(folder):
+    marks = Marks(crop=(100, 50, 300, 250), sphere=Outline(*BALL))
+    assert Marking(folder).save(marks)["saved"] == ["crop.txt", "lights.lp"]
+    capture = load(folder)
+    assert capture.mask.shape == (200, 200) and capture.mask.all()
+    assert capture.crop is not None and (capture.crop.x, capture.crop.y) == (100, 50)
+    again = Marking(folder)
+    assert again.about()["crop"] == [100, 50, 300, 250]
+    assert again.save(Marks(mask=packed(disc(again.shown, *DISC)))) == {"exist": ["crop.txt"]}
+    again.save(Marks(mask=packed(disc(again.shown, *DISC)), overwrite=True))
+    assert load(folder).mask.shape == (380, 480) and again.about()["crop"] is None
 
 
 def test_nothing_is_replaced_unasked(folder):
     write_pictures(folder, [], mask=np.ones((380, 480), bool))
     (folder / "lights.lp").write_text("mine")
-    marking, marks = Marking(folder), Marks(crop=(0, 0, 100, 100), sphere=Outline(*BALL))
+    marking, marks = Marking(folder), Marks(mask=packed(disc((380, 480), *DISC)), sphere=Outline(*BALL))
     before = (folder / "mask.png").read_bytes()
     assert marking.save(marks) == {"exist": ["mask.png", "lights.lp"]}
     assert (folder / "mask.png").read_bytes() == before and (folder / "lights.lp").read_text() == "mine"
@@ -112,6 +118,8 @@ def test_nothing_is_replaced_unasked(folder):
         (Marks(left_out=list(range(8))), "2 pictures are left"),
         (Marks(mask=packed(np.zeros((380, 480)))), "the mask is empty"),
         (Marks(mask="AAAA"), "in part only"),
+        (Marks(mask=packed(disc((380, 480), *DISC)), crop=(0, 0, 20, 20)), "shows nothing"),
+        (Marks(crop=(20, 0, 10, 20)), "outside"),
         (Marks(left_out=[0]), "the light of 02.png is not known"),
         (Marks(sphere=Outline(170, 170, 60)), "highlight"),
         (Marks(sphere=Outline(9000, 170, 60)), "outside"),

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from photonormal.types import Capture, InputError
 
+CROP = "crop.txt"  # x,y,width,height of what is read of the photographs beside it
 DEMO = Path(__file__).parents[1] / "data" / "demo"  # a rendered capture with true normals, part of the package
 
 FORMATS = {  # name -> "module", with `matches(path)` and `read(path, choice)`; the first that matches reads
@@ -33,6 +36,8 @@ def load(
     flat: str | Path | None = None,
     lens: str | Path | None = None,
     memory: str = "",
+    crop: str | Sequence[int] = "",
+    scale: float = 1.0,
     **choices: Any,
 ) -> Capture:
     """Photographs, mask and light directions of one object.
@@ -53,6 +58,10 @@ def load(
     lens : calibration that OpenCV wrote, whose distortion is taken out
     memory : how much this process may use from now on, such as "3GB"; empty: as before, half of what is free at first.
         An eighth of it bounds what one file may take when it is decoded
+    crop : "x,y,width,height", or those numbers: the part of the photographs that is read, in pixels. Empty: what
+        `crop.txt` beside the photographs says, or all of them. Lamps, camera, mask, truth, dark frame and flat field
+        are those of the whole photographs, and follow
+    scale : by which photographs are reduced, 0.5 halves both sides; linear radiance is averaged over areas
     choices : `lights_as`, `ring`, `elevation`, `start`, `clockwise`, `rgb_lights`, `prefer`, `linear`,
         `exif_exposure`, `hot_pixels`, `frame`, and for near lights `mm_per_px`, `dome_radius_mm` and
         `focal_px`, see `photonormal.capture.assemble.Choice`
@@ -71,7 +80,7 @@ def load(
     path = Path(path)
     files = {"lights": lights, "mask": mask, "intensities": intensities, "dark": dark, "flat": flat, "lens": lens}
     given = {name: Path(file) for name, file in files.items() if file}
-    choice = Choice(images=images, srgb=srgb, **given, **choices)
+    choice = Choice(images=images, srgb=srgb, crop=crop, scale=scale, **given, **choices)
     try:
         if path == Path("demo") and not path.exists():
             path = DEMO
@@ -80,11 +89,22 @@ def load(
         if not path.is_dir() and format != "rti" and not (format == "auto" and path.suffix.lower() == ".lp"):
             raise InputError(f"{path} is a file but the folder of a capture, or an .lp file, is needed; give that.")
         readers = (import_module(FORMATS[name]) for name in (FORMATS if format == "auto" else [format]))
-        return next(r for r in readers if format != "auto" or r.matches(path)).read(path, choice)
+        reader = next(r for r in readers if format != "auto" or r.matches(path))
+        beside = path if path.is_dir() else path.parent
+        if not choice.crop:
+            choice = replace(choice, crop=own_crop(beside), crop_file=beside / CROP)
+        return reader.read(path, choice)
     except OSError as error:
         raise InputError(
             f"{error.filename or path} can't be read ({error.strerror}); check the path and its permissions."
         ) from None
+
+
+def own_crop(folder: Path) -> str:
+    """What the file with a crop beside photographs says; empty where there is none."""
+    from photonormal.capture.texts import read_lines
+
+    return " ".join(read_lines(folder / CROP)) if (folder / CROP).is_file() else ""
 
 
 def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
@@ -93,7 +113,8 @@ def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
 
     path = Path(path)
     images: Any = capture.images
-    images = getattr(images, "images", images)  # those that are corrected
+    while hasattr(images, "images"):  # those that are corrected or cropped
+        images = images.images
     pictures = [file for picture in getattr(images, "pictures", ()) for file in parts(picture)]
     return [path, *([path.parent] if path.is_file() else []), *pictures, *(p for p in others if isinstance(p, Path))]
 

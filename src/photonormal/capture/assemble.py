@@ -5,14 +5,16 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
 
 import numpy as np
 
 from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
+from photonormal.capture.cropped import cropped
 from photonormal.capture.encoding import encodings, not_applied, told
 from photonormal.capture.exif import exposures
-from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes
+from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, size_of
 from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import read_lights
 from photonormal.capture.lights.match import in_order_of
@@ -22,8 +24,9 @@ from photonormal.capture.lights.table import Listed
 from photonormal.capture.orientation import read_drawn
 from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated, white_boards
 from photonormal.capture.texts import read_intensities
+from photonormal.crop import Crop
 from photonormal.geometry import from_frame
-from photonormal.types import Camera, Capture, Images, InputError, Lamps, Normals, box_of, unit_lights
+from photonormal.types import Camera, Capture, InputError, Lamps, Normals, box_of, unit_lights
 
 
 @dataclass(frozen=True)
@@ -52,6 +55,10 @@ class Choice:
     mm_per_px : side of a pixel at the object's depth; lights are then near, and their file holds positions in mm
     dome_radius_mm : the file holds directions nevertheless, of lamps at this distance around the object's middle
     focal_px : focal length of a camera whose perspective matters
+    crop : "x,y,width,height", or those numbers, in pixels of the photographs: what of them is read; empty: all.
+        Everything else that is told in pixels counts in the whole photographs
+    scale : by which photographs are reduced, linear ones averaged over areas; above 0 and at most 1
+    crop_file : file that `crop` was read from, for messages
     """
 
     images: str = ""
@@ -76,6 +83,9 @@ class Choice:
     mm_per_px: float | None = None
     dome_radius_mm: float | None = None
     focal_px: float | None = None
+    crop: str | Sequence[int] = ""
+    scale: float = 1.0
+    crop_file: Path | None = None
 
     def not_pictures(self) -> list[Path | None]:
         """Files that it names, which are no photographs under one light."""
@@ -104,28 +114,33 @@ def assemble(
     boards = _boards(choice, lit, near=lamps is not None)
     if boards is not None:
         e = np.ones((len(used), 1))  # they have them in them
+    frame = size_of(used[0])
+    crop = Crop.chosen(choice.crop, choice.scale, frame, str(choice.crop_file or "--crop"))
+    margin = MARGIN if crop is None else MARGIN + ceil(1 / crop.scale)
     mask = mask if choice.mask is None else choice.mask
     said = encodings([parts(p)[0] for p in used], choice.srgb, choice.linear)
     notes = [*lit.notes, *not_applied(said)]
     if isinstance(mask, Path):
         mask, turned = read_drawn(mask, used)
         notes += turned
-    samples = ImageFiles(used, None if choice.lens else mask, e, said, distinct=True)
     lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0
+    if crop is not None and (mask is None or mask.shape == frame):
+        mask = crop.inside(mask)
+    samples = ImageFiles(used, None if choice.lens else mask, e, said, distinct=True, margin=margin)
     flats = None
     if boards is not None:
         flats = boards, None if lit.vectors is None else unit_lights(lit.vectors, [name_of(p) for p in used])[:, 2]
-    images = corrected(samples, choice, lens, None if mask is None else box_of(mask, MARGIN), flats)
+    images = corrected(samples, choice, lens, None if mask is None else box_of(mask, margin), flats)
     if lamps is None:
-        lamps, camera = placed(lit.vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, samples.frame)
+        lamps, camera = placed(lit.vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, frame)
     else:
         lamps = lamps[lit.chosen]
-    given = truth(samples.frame) if callable(truth) else truth
-    return Capture(
+    given = truth(frame) if callable(truth) else truth
+    capture = Capture(
         images=images,
-        mask=np.ones(samples.frame, bool) if mask is None else mask,
+        mask=np.ones(frame, bool) if mask is None else mask,
         lights=lit.vectors,
         lamps=lamps,
         camera=camera,
@@ -137,6 +152,7 @@ def assemble(
         encoding=told(samples.encodings),
         linearised=any(encoding.curves for encoding in samples.encodings),
     )
+    return capture if crop is None else cropped(capture, images, crop)
 
 
 @dataclass(frozen=True)
@@ -258,7 +274,7 @@ def corrected(
     lens: Lens | None,
     box: tuple[slice, slice] | None,
     flats: tuple[list[Path], np.ndarray | None] | None,
-) -> Images:
+) -> ImageFiles | Corrected:
     """The pictures without what `choice` names: dark level, flat field, hot pixels, and the lens's distortion.
 
     `flats` are pictures of a white board, one for each light, and the lights' cosines, where they are known.

@@ -51,19 +51,17 @@ class Corrected:
         self.images, self.dark, self.flat, self.hot, self.lens = images, dark, flat, hot, lens
         self.shape, self.dtype, self.intensities = images.shape, images.dtype, images.intensities
         box = (slice(0, self.shape[1]), slice(0, self.shape[2])) if box is None else box
-        self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: self._corrected(j)[box])
+        self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: self.decoded(j)[box])
 
     def __getitem__(self, j: int) -> Image:
         return self.window(j, slice(None), slice(None))
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of picture `j`; each is corrected once, and kept."""
-        size, at, samples = self._kept.window(j, rows, columns)
-        image = np.zeros((*size, self.shape[3]), np.float32)
-        image[at] = samples
-        return image
+        return self._kept.image(j, rows, columns)
 
-    def _corrected(self, j: int) -> Image:
+    def decoded(self, j: int) -> Image:
+        """Picture `j`, decoded and corrected anew, and not kept."""
         image = self.images.decoded(j)
         if self.dark is not None:
             image = np.maximum(image - self.images.own(self.dark, j) / self.intensities[j], 0)

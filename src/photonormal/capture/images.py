@@ -93,6 +93,7 @@ class ImageFiles:
     encodings : what makes the samples of each file linear (`photonormal.capture.encoding`); None: they are. Floats
         always are
     distinct : True where each picture has a light of its own: equal ones are refused
+    margin : pixels kept around the mask's box
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class ImageFiles:
         intensities: np.ndarray,
         encodings: Sequence[Encoding] | None = None,
         distinct: bool = False,
+        margin: int = MARGIN,
     ):
         self.frame = size_of(pictures[0])
         for other in pictures[1:2]:  # of two that differ in size neither is decoded
@@ -119,7 +121,7 @@ class ImageFiles:
         if encodings is None or self.dtype.kind != "u":
             encodings = [LINEAR if self.dtype.kind == "u" else Encoding(by="floats are")] * n
         self.encodings = encodings
-        self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else box_of(mask, MARGIN)
+        self.box = (slice(0, h), slice(0, w)) if mask is None or mask.shape != (h, w) else box_of(mask, margin)
         self._first: np.ndarray | None = first[self.box]
         self._kept = Framed(self.shape, self.box, self.dtype, self._samples)
         self._seen: dict[int, int] = {}  # digest of some rows -> the picture that has them

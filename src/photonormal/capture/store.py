@@ -146,3 +146,10 @@ class Framed:
             at.append(slice(a - first, b - first))
             inner.append(slice(a - box.start, b - box.start))
         return (size[0], size[1]), (at[0], at[1]), self.store.window(j, inner[0], inner[1])
+
+    def image(self, j: int, rows: slice, columns: slice) -> np.ndarray:
+        """A part of picture `j`."""
+        size, at, samples = self.window(j, rows, columns)
+        image = np.zeros((*size, self.store.shape[3]), self.store.dtype)
+        image[at] = samples
+        return image

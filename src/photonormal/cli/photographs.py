@@ -20,7 +20,7 @@ from photonormal.cli.kinds import (
     Size,
     shown,
 )
-from photonormal.options import Frame
+from photonormal.options import Frame, Scale
 
 
 @dataclass(frozen=True)
@@ -37,6 +37,10 @@ class Files:
     """Which file to take where each photograph is there in two kinds."""
     rgb_lights: bool = False
     """Each photograph shows three lights at a time: one in red, one in green and one in blue."""
+    crop: Annotated[str, shown("X,Y,WIDTH,HEIGHT")] = ""
+    """Part of the photographs to read, in pixels; without it what crop.txt beside them says, or all."""
+    scale: Annotated[Scale, tyro.conf.arg(metavar="FACTOR")] = 1.0
+    """By which photographs are reduced for a first look: 0.5 halves both sides."""
     memory: Size = ""
     """How much memory may be used, such as 3GB; half of what is free by default."""
 

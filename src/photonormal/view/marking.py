@@ -15,9 +15,10 @@ from photonormal.calibrate.circle import Circle
 from photonormal.calibrate.mask import mask_from_shading
 from photonormal.calibrate.sphere import Sphere, look_at_spheres
 from photonormal.calibrate.survey import Photograph
-from photonormal.capture import load
+from photonormal.capture import CROP, load, own_crop
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.pictures import find_mask
+from photonormal.crop import Crop
 from photonormal.disk import at_once
 from photonormal.export.mesh import display
 from photonormal.options import Coordinate, Positive, Whole
@@ -44,7 +45,7 @@ class Marks(msgspec.Struct):
     Parameters
     ----------
     mask : bytes of the page's mask (rows, columns of `Marking.shown`), 1 on the object, deflated, in base64; None: none
-    crop : x0, y0, x1, y1 in pixels of the photographs, outside of which nothing is on the object
+    crop : x0, y0, x1, y1 in pixels of the photographs: what of them is measured. None: all, and a saved crop goes
     left_out : indices of pictures
     sphere : whose highlights give the lights
     overwrite : replace files that exist
@@ -85,6 +86,7 @@ class Marking:
             "shown": [self.shown[1], self.shown[0]],
             "step": self.step,
             "mask": self.origin,
+            "crop": self._saved_crop(),
             "left_out": [j for j, name in enumerate(self.names) if self.lights and name not in self.lights],
         }
 
@@ -118,8 +120,12 @@ class Marking:
         if len(kept) < 3:
             raise InputError(f"{len(kept)} pictures are left but normals need at least 3; leave fewer out.")
         content: dict[str, bytes] = {}
-        if marks.mask is not None or marks.crop is not None:
-            content["mask.png"] = encode_png(self._full_mask(marks).astype(np.uint8) * np.uint8(255))
+        crop, mask = self._crop(marks), None if marks.mask is None else self._full_mask(marks.mask)
+        if crop is not None:
+            crop.inside(mask)
+            content[CROP] = f"{crop.x},{crop.y},{crop.width},{crop.height}\n".encode()
+        if mask is not None:
+            content["mask.png"] = encode_png(mask.astype(np.uint8) * np.uint8(255))
         names, lights = [self.names[j] for j in kept], self.lights
         if marks.sphere is not None:
             circle = Circle(marks.sphere.x, marks.sphere.y, marks.sphere.r)
@@ -130,17 +136,19 @@ class Marking:
             if dark is not None:
                 raise InputError(f"the light of {dark} is not known; mark a sphere, or leave that picture out.")
             content[self._lp()] = text.lp(names, np.stack([lights[name] for name in names]))
-        if not content:
+        gone = [CROP] if crop is None and (self.folder / CROP).is_file() else []
+        if not content and not gone:
             raise InputError("nothing was marked; paint a mask, set a sphere or a crop, or leave a picture out.")
-        mask = find_mask(self.folder)
-        if "mask.png" in content and mask is not None and mask.name != "mask.png":
-            raise InputError(f"{mask.name} is the folder's mask already; rename it, since only one can be read.")
-        taken = [name for name in content if (self.folder / name).exists()]
+        own = find_mask(self.folder)
+        if "mask.png" in content and own is not None and own.name != "mask.png":
+            raise InputError(f"{own.name} is the folder's mask already; rename it, since only one can be read.")
+        taken = [*gone, *(name for name in content if (self.folder / name).exists())]
         if taken and not marks.overwrite:
             return {"exist": taken}
         with at_once(self.folder) as batch:
             for name, data in content.items():
                 batch.write(name, data)
+            batch.remove += gone
         return {"saved": list(content), "next": self._next(content)}
 
     def _next(self, content: dict[str, bytes]) -> str:
@@ -182,19 +190,25 @@ class Marking:
         found = dict(zip(capture.image_names, capture.lights, strict=True))
         return {name: found[name] for name in self.names if name in found}
 
-    def _full_mask(self, marks: Marks) -> np.ndarray:
-        h, w = self.images.shape[1:3]
-        mask = np.ones((h, w), bool)
-        if marks.mask is not None:
-            mask = _enlarged(_inflated(marks.mask, self.shown), self.step, (h, w))
-        if marks.crop is not None:
-            x0, y0, x1, y1 = marks.crop
-            inside = np.zeros((h, w), bool)
-            inside[y0:y1, x0:x1] = True
-            mask &= inside
+    def _full_mask(self, painted: str) -> np.ndarray:
+        mask = _enlarged(_inflated(painted, self.shown), self.step, self.images.shape[1:3])
         if not mask.any():
-            raise InputError("the mask is empty; paint the object, or make the crop larger.")
+            raise InputError("the mask is empty; paint the object.")
         return mask
+
+    def _crop(self, marks: Marks) -> Crop | None:
+        if marks.crop is None:
+            return None
+        x0, y0, x1, y1 = marks.crop
+        return Crop.chosen((x0, y0, x1 - x0, y1 - y0), 1, self.images.shape[1:3], "the crop")
+
+    def _saved_crop(self) -> list[int] | None:
+        """x0, y0, x1, y1 of the crop that was saved before; None where there is none, or it does not fit."""
+        try:
+            crop = Crop.chosen(own_crop(self.folder), 1, self.images.shape[1:3], CROP)
+        except InputError:
+            return None
+        return None if crop is None else [crop.x, crop.y, crop.x + crop.width, crop.y + crop.height]
 
 
 def _inflated(mask: str, shape: tuple[int, int]) -> np.ndarray:

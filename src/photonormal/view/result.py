@@ -18,7 +18,7 @@ from photonormal.export.folder import REPORT
 from photonormal.export.heights import heights_px, read_depth
 from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
-from photonormal.options import NotNegative, Positive, Whole, check_value
+from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
 from photonormal.score import error_map_deg
 from photonormal.stored import read_json
 from photonormal.types import Capture, InputError, box_of
@@ -26,6 +26,12 @@ from photonormal.view.planes import Plane, degrees_plane, height_plane, normals_
 
 AGAIN = "measure again"
 KEPT = 4  # photographs that stay decoded
+
+
+class Reduced(TypedDict):
+    """By how much the photographs were."""
+
+    scale: Scale
 
 
 class Report(TypedDict):
@@ -37,6 +43,7 @@ class Report(TypedDict):
     source: NotRequired[str]
     reading: NotRequired[dict[str, Any]]
     expected_error_deg: NotRequired[NotNegative]
+    crop: NotRequired[Reduced | None]
 
 
 @dataclass
@@ -136,7 +143,7 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
     told = report.get("reading", {}).get("mm_per_px")
     if mm_per_px is None and told is not None:
         check_value(told, Positive, f"{folder / REPORT}: mm_per_px")
-        mm_per_px = told
+        mm_per_px = told / (report.get("crop") or {"scale": 1.0})["scale"]
     name = f"{report.get('capture') or folder.resolve().name}, {report.get('method') or 'normals'}"
     about |= {
         "title": name,

@@ -17,7 +17,7 @@ const mark = {
   left_out: new Set(data.left_out),
   sphere: null,
   found: null,
-  crop: null,
+  crop: data.crop && data.crop.map((v) => v / data.step),
   cursor: null,
   down: false,
   camera: { x: 0.5, y: 0.5, scale: 1 },

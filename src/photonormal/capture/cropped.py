@@ -1,0 +1,73 @@
+"""A part of a capture's photographs, and smaller ones, for a first look."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from photonormal.capture.corrections import Corrected
+from photonormal.capture.images import MARGIN, ImageFiles
+from photonormal.capture.store import Framed
+from photonormal.crop import Crop
+from photonormal.types import Capture, Image, InputError, Normals, box_of
+
+
+def cropped(capture: Capture, images: ImageFiles | Corrected, crop: Crop) -> Capture:
+    """The crop of a capture, whose `images` these are; lamps, camera, mask and truth follow."""
+    mask = crop.reduced(capture.mask) > 0.5
+    if not mask.any():
+        raise InputError(f"--scale {crop.scale:g} leaves nothing of the object; give a larger one.")
+    lamps, camera = capture.lamps, capture.camera
+    if camera is not None:
+        camera = crop.camera(camera)
+        lamps = None if lamps is None else crop.lamps(lamps, camera)
+    return replace(
+        capture,
+        images=Cropped(images, crop, box_of(mask, MARGIN)),
+        mask=mask,
+        lamps=lamps,
+        camera=camera,
+        truth=None if capture.truth is None else normals(capture.truth, crop),
+        crop=crop,
+    )
+
+
+def normals(truth: Normals, crop: Crop) -> Normals:
+    """Mean directions of the normals that are known."""
+    map = crop.reduced(truth.map)
+    length = np.linalg.norm(map, axis=-1)
+    known = (crop.reduced(truth.mask) > 0.5) & (length > 0)
+    return Normals(map / np.where(known, length, 1)[..., None], known)
+
+
+class Cropped:
+    """The crop of pictures (`photonormal.types.Images`); reduced ones are kept as float32, each decoded once.
+
+    Parameters
+    ----------
+    images : the whole photographs, linear
+    box : rows and columns of the crop outside of which it is zero where it is reduced
+    """
+
+    def __init__(self, images: ImageFiles | Corrected, crop: Crop, box: tuple[slice, slice]):
+        self.images, self.crop, self.dtype = images, crop, images.dtype
+        n, _, _, c = images.shape
+        self.shape: tuple[int, int, int, int] = (n, *crop.shape, c)
+        self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: crop.reduced(images.decoded(j))[box])
+
+    def __getitem__(self, j: int) -> Image:
+        return self.window(j, slice(None), slice(None))
+
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of picture `j`, in pixels of the crop."""
+        if self.crop.scale < 1:
+            return self._kept.image(j, rows, columns)
+        places = []
+        for span, side, box in zip((rows, columns), self.crop.shape, self.crop.box, strict=True):
+            first, last, _ = span.indices(side)
+            places.append(slice(box.start + first, box.start + last))
+        return self.images.window(j, *places)
+
+    def __len__(self) -> int:
+        return self.shape[0]

@@ -40,7 +40,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "progress": set(),
     "capture": BASE,
     "calibrate": BASE,
-    "solve": BASE | {"integrate"},  # under near lamps normals need depth
+    "solve": BASE | {"integrate", "progress"},  # under near lamps normals need depth
     "integrate": BASE,
     "score": BASE,
     "export": BASE | {"score"},  # maps of errors

@@ -71,7 +71,7 @@ def measure(
     from photonormal.solve.learned.processor import computing_in, number_format
 
     where = torch_device(device)
-    with _stage("solve", seconds), progress(f"normals by {method}"):
+    with _stage("solve", seconds):
         with computing_in(precision):
             found = run(solver, capture, where)
             computed_in = number_format(where) if solver.needs.reads == "stream" else None

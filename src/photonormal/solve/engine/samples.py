@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from photonormal.progress import progress
 from photonormal.solve.contract import Observations, Solution, Solver
 from photonormal.solve.inputs.blocks import blocks
 from photonormal.solve.inputs.grey import READ, Levels, grey_samples, metallic
@@ -23,13 +24,15 @@ def by_pixel(method: Solver, capture: Capture, device: torch.device) -> Solution
     dtype = torch.float64 if method.needs.double else torch.float32
     L = all_lights(capture, device, dtype)
     found = []
-    for I, first, levels, is_metallic in bands(capture, L):
-        keep = levels.lit(levels.cut_(I))
-        for s in blocks(I.shape[0], I.shape[1], device):
-            at = slice(first + s.start, first + min(s.stop, len(I)))
-            lights = lights_at(capture, at, device, dtype) if L is None else L
-            seen = Observations(I[s].to(device, dtype), keep[s].to(device), lights, is_metallic)
-            found.append(method(seen).cpu())
+    with progress("normals", int(capture.mask.sum())) as advance:
+        for I, first, levels, is_metallic in bands(capture, L):
+            keep = levels.lit(levels.cut_(I))
+            for s in blocks(I.shape[0], I.shape[1], device):
+                at = slice(first + s.start, first + min(s.stop, len(I)))
+                lights = lights_at(capture, at, device, dtype) if L is None else L
+                seen = Observations(I[s].to(device, dtype), keep[s].to(device), lights, is_metallic)
+                found.append(method(seen).cpu())
+                advance(at.stop - at.start)
     return Solution.joined(found)
 
 
@@ -45,7 +48,8 @@ def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solu
         return L is not None and metallic(I, keep, L)
 
     seen = Observations(I, keep, L, is_metallic, torch.from_numpy(capture.mask), lambda: pictures(capture, device))
-    return method(seen).cpu()
+    with progress("normals"):
+        return method(seen).cpu()
 
 
 def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:

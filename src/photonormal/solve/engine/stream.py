@@ -6,13 +6,14 @@ windows overlap by the network's reach, so they agree with the whole to rounding
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.progress import progress
 from photonormal.solve.contract import Solution, Streaming
 from photonormal.solve.engine.frames import frames
 from photonormal.solve.engine.prior import FirstLook, first_look, prior_named
@@ -64,10 +65,12 @@ def measured(
         look = first_look(net.scaling, capture, box, device, start)
         found: Tensor | None = None  # (d, h, w), on the processor
         # each pass reaches as far into what the pass before has found
-        for window in box.windows(side, passes * net.reach):
-            part = looked(net, capture, box, look, window, device, rotations, passes)
-            found = torch.zeros(len(part), *box.mask.shape) if found is None else found
-            found[:, *window.core] = part
+        windows = box.windows(side, passes * net.reach)
+        with progress("normals", len(windows) * passes * capture.images.shape[0]) as advance:
+            for window in windows:
+                part = looked(net, capture, box, look, window, device, rotations, passes, advance)
+                found = torch.zeros(len(part), *box.mask.shape) if found is None else found
+                found[:, *window.core] = part
         assert found is not None  # a mask has pixels
         found[:3] *= look.lit.cpu()
         values = box.on_mask(found)  # (p, d)
@@ -83,12 +86,17 @@ def looked(
     device: torch.device,
     rotations: int,
     passes: int,
+    advance: Callable[[int], None],
 ) -> Float[Tensor, "d h w"]:
-    """All passes over a window: normals of its core, and expected errors where the network tells them."""
+    """All passes over a window: normals of its core, and expected errors where the network tells them.
+
+    `advance` is told how many images were looked at.
+    """
     found = look.prior[:, *window.seen][None]  # (1, d, h, w), the last pass's, or the prior
     for following in reversed(range(passes)):
         before, window = window, window.narrowed((following + 1) * net.reach)
-        found = one_pass(net, capture, box, look, window, found[..., *window.within(before)].to(device), rotations)
+        start = found[..., *window.within(before)].to(device)
+        found = one_pass(net, capture, box, look, window, start, rotations, advance)
     values = found[0, :, *window.inside]
     return torch.cat([values[:3], values[3 + net.memory :]])
 
@@ -101,6 +109,7 @@ def one_pass(
     window: Window,
     found: Float[Tensor, "1 d h w"],
     rotations: int,
+    advance: Callable[[int], None],
 ) -> Float[Tensor, "1 e h w"]:
     """One look at every image, from the normals, and the network's memory, of the last one; on the processor."""
     device, n = found.device, capture.images.shape[0]
@@ -113,6 +122,7 @@ def one_pass(
         images = scaled(net.scaling, images, mask, moments, n)
         for turn in turns:
             turn.add(images, L[j : j + images.shape[1]])
+        advance(images.shape[1])
     total = torch.zeros(1)
     for turn in turns:
         total = total + turn.result(n)

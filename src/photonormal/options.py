@@ -32,6 +32,7 @@ Frame = Annotated[
     Literal["opengl", "directx", "y-down", "z-away", "blender"],
     Meta(description="opengl, directx, y-down, z-away or blender"),
 ]
+DrawnOn = Annotated[Literal["", "stored", "shown"], Meta(description="stored or shown")]
 Precision = Annotated[Literal["auto", "float32", "bf16"], Meta(description="auto, float32 or bf16")]
 
 

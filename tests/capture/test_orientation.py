@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import photonormal as pn
+from photonormal.types import InputError
 from tests.capture.embedding import exif, write_with
 from tests.capture.files import LIGHTS, refusal, write_picture
 
@@ -54,6 +55,29 @@ def test_notes_may_change_while_a_camera_looks_down(tmp_path):
 def test_pictures_stay_as_the_sensor_saw_them(tmp_path):
     found = pn.load(capture(tmp_path, STORED))
     assert found.images[0][STORED].min() > 0.6 > found.images[0][~STORED].max()
+
+
+def test_a_mask_that_fits_both_ways_is_refused_until_it_is_said_how_it_was_drawn(tmp_path):
+    part = np.zeros_like(STORED)
+    part[3:5, 4:6] = True  # of the patch, which is seen on both sides of the middle
+    wide = np.zeros_like(STORED)
+    wide[1:23, 2:28] = True
+    for j in range(4):
+        picture = np.where(wide, 170 + j, 20)[..., None].repeat(3, -1)
+        write_with(tmp_path / f"{j + 1}.png", picture.astype(np.uint8), exif=exif(orientation=3))
+    np.savetxt(tmp_path / "light_directions.txt", LIGHTS)
+    write_picture(tmp_path / "mask.png", part.astype(np.uint8) * 255)
+    message = refusal(pn.load, tmp_path)
+    assert "orientation" in message and "--mask-on stored" in message and "180 degrees" in message
+    np.testing.assert_array_equal(pn.load(tmp_path, mask_on="stored").mask, part)
+    with pytest.raises(InputError, match="stored or shown"):
+        pn.load(tmp_path, mask_on="screen")
+    np.testing.assert_array_equal(pn.load(tmp_path, mask_on="shown").mask, part[::-1, ::-1])
+
+
+def test_a_mask_that_is_the_same_both_ways_needs_no_choice(tmp_path):
+    whole = np.ones_like(STORED)
+    assert pn.load(capture(tmp_path, whole)).mask.all()
 
 
 def test_another_size_is_refused(tmp_path):

@@ -62,7 +62,7 @@ def load(
         `crop.txt` beside the photographs says, or all of them. Lamps, camera, mask, truth, dark frame and flat field
         are those of the whole photographs, and follow
     scale : by which photographs are reduced, 0.5 halves both sides; linear radiance is averaged over areas
-    choices : `lights_as`, `ring`, `elevation`, `start`, `clockwise`, `rgb_lights`, `prefer`, `linear`,
+    choices : `lights_as`, `ring`, `elevation`, `start`, `clockwise`, `rgb_lights`, `prefer`, `mask_on`, `linear`,
         `exif_exposure`, `hot_pixels`, `frame`, and for near lights `mm_per_px`, `dome_radius_mm` and
         `focal_px`, see `photonormal.capture.assemble.Choice`
 

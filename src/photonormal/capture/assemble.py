@@ -43,6 +43,7 @@ class Choice:
     rgb_lights : each photograph shows three lights at a time, one in red, one in green and one in blue
     prefer : which kind of file to take where pictures are there in two kinds, such as RAW and JPEG
     mask : mask picture, instead of the folder's own
+    mask_on : what a mask was drawn on: "stored" samples, or pictures as viewers show them ("shown"); empty: what fits
     srgb : the pictures are sRGB-encoded and have to be linearised, whatever their files say
     linear : they are linear, whatever their files say, which is believed otherwise (`photonormal.capture.encoding`)
     intensities : file with light intensities (n, 1 or 3), instead of the folder's own
@@ -71,6 +72,7 @@ class Choice:
     rgb_lights: bool = False
     prefer: str = ""
     mask: Path | None = None
+    mask_on: str = ""
     srgb: bool = False
     linear: bool = False
     intensities: Path | None = None
@@ -121,7 +123,7 @@ def assemble(
     said = encodings([parts(p)[0] for p in used], choice.srgb, choice.linear)
     notes = [*lit.notes, *not_applied(said)]
     if isinstance(mask, Path):
-        mask, turned = read_drawn(mask, used)
+        mask, turned = read_drawn(mask, used, choice.mask_on)
         notes += turned
     lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:

@@ -14,6 +14,8 @@ from jaxtyping import Bool, Float
 
 from photonormal.capture.exif import read_exif
 from photonormal.capture.images import ImageFiles, Picture, parts, read_mask, size_of
+from photonormal.options import DrawnOn, check_value
+from photonormal.types import InputError
 
 BACK: dict[int, Callable[[np.ndarray], np.ndarray]] = {  # Exif's orientation -> from what is shown to what is stored
     2: np.fliplr,
@@ -24,33 +26,53 @@ BACK: dict[int, Callable[[np.ndarray], np.ndarray]] = {  # Exif's orientation ->
     7: lambda shown: np.rot90(shown, 2).T,
     8: lambda shown: np.rot90(shown, -1),
 }
+SAME, DIFFER = 0.02, 0.5  # of a mask's pixels, and of the contrast between inside and outside
 PICTURES = 4  # that tell which way round a mask was drawn
 WORDS = {2: "mirrored", 3: "turned by 180 degrees", 4: "upside down and mirrored", 5: "turned and mirrored"}
 WORDS |= {6: "turned by 90 degrees", 7: "turned and mirrored", 8: "turned by 90 degrees"}
 
 
-def read_drawn(path: Path, pictures: Sequence[Picture]) -> tuple[Bool[np.ndarray, "h w"], list[str]]:
+def read_drawn(
+    path: Path, pictures: Sequence[Picture], drawn_on: str = ""
+) -> tuple[Bool[np.ndarray, "h w"], list[str]]:
     """The mask of a file as the pictures' samples lie, and a note where Exif's orientation left a choice.
 
-    Of two ways in which it has their size it is the one that parts what they show better.
+    Parameters
+    ----------
+    drawn_on : "stored", the samples as they lie, or "shown", what viewers show; "": whichever fits, by its size and by
+        what the pictures show where the two differ
+
+    Raises
+    ------
+    InputError
+        If both fit; if the mask has another size.
     """
+    check_value(drawn_on, DrawnOn, "mask_on")
     frame = size_of(pictures[0])
-    orientations = sorted({read_exif(parts(p)[0]).orientation for p in pictures} - {1})
-    if not orientations:
+    turns = sorted({read_exif(parts(p)[0]).orientation for p in pictures} - {1})
+    if not turns or drawn_on == "stored":
         return read_mask(path, frame), []
     size = size_of(path)
     mask = read_mask(path, size if size == frame[::-1] else frame)
-    ways = {o: m for o, m in {1: mask, **{o: BACK[o](mask) for o in orientations}}.items() if m.shape == frame}
+    ways = {o: BACK[o](mask) for o in turns} if drawn_on == "shown" else {1: mask, **{o: BACK[o](mask) for o in turns}}
+    ways = {o: m for o, m in ways.items() if m.shape == frame}
     if not ways:
         return read_mask(path, frame), []  # which refuses it
     best = next(iter(ways))
-    if any(not np.array_equal(m, ways[best]) for m in ways.values()):
+    if len(ways) > 1:
         level = _brightest(pictures[:: max(1, len(pictures) // PICTURES)])
         best = max(ways, key=lambda o: _parted(level, ways[o]))
-    elif best == 1:
+        unsure = [o for o in ways if not _fits_alone(level, ways[best], ways[o])]
+        if unsure:
+            turn = WORDS[max(best, *unsure)]
+            raise InputError(
+                f"mask {path} fits the photographs as it is and {turn}, as viewers show them by Exif's orientation; "
+                "say which it was drawn on with --mask-on stored or --mask-on shown."
+            )
+    if best == 1 and all(np.array_equal(m, mask) for m in ways.values()):
         return mask, []
     how = f"was drawn on pictures as viewers show them, {WORDS[best]}, and was turned back" if best > 1 else ""
-    how = how or f"was used as it is, though viewers show the pictures {WORDS[orientations[0]]}"
+    how = how or f"was used as it is, though viewers show the pictures {WORDS[turns[0]]}"
     note = f"Exif's orientation: the mask {how}; results and lights lie as the camera's sensor saw the object."
     return np.ascontiguousarray(ways[best]), [note]
 
@@ -60,9 +82,21 @@ def _brightest(pictures: Sequence[Picture]) -> Float[np.ndarray, "h w"]:
     return np.max([files.decoded(j).mean(-1) for j in range(len(pictures))], axis=0)
 
 
-def _parted(grey: np.ndarray, mask: np.ndarray) -> float:
+def _parted(level: np.ndarray, mask: np.ndarray) -> float:
     """Variance between the inside of a mask and the outside."""
     inside = float(mask.mean())
-    if not 0 < inside < 1:
-        return 0.0
-    return inside * (1 - inside) * float(grey[mask].mean() - grey[~mask].mean()) ** 2
+    return inside * (1 - inside) * _contrast(level, mask, ~mask) ** 2
+
+
+def _fits_alone(level: np.ndarray, mask: np.ndarray, other: np.ndarray) -> bool:
+    """Whether what only `mask` holds differs from what only `other` holds, nearly as inside and outside do.
+
+    So does a mask of which the other is nearly a copy.
+    """
+    if (mask ^ other).sum() <= SAME * mask.sum():
+        return True
+    return _contrast(level, mask & ~other, other & ~mask) / (_contrast(level, mask, ~mask) or np.inf) > DIFFER
+
+
+def _contrast(level: np.ndarray, some: np.ndarray, others: np.ndarray) -> float:
+    return float(level[some].mean() - level[others].mean()) if some.any() and others.any() else 0.0

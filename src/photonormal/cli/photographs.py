@@ -20,7 +20,7 @@ from photonormal.cli.kinds import (
     Size,
     shown,
 )
-from photonormal.options import Frame, Scale
+from photonormal.options import DrawnOn, Frame, Scale
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,8 @@ class Files:
     """Subset of the photographs by number, such as 1-10,15; all by default."""
     mask: File = None
     """Mask picture, white on the object, instead of the capture's own."""
+    mask_on: Annotated[DrawnOn, shown("{stored,shown}")] = ""
+    """What a mask was drawn on where Exif's orientation turns the photographs: stored samples, or what viewers show."""
     format: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(('auto', *FORMATS))}}}")] = "auto"
     """Layout of the capture, where its content does not tell."""
     prefer: Annotated[Literal["", "raw", "jpeg", "tiff", "png", "exr"], shown("{raw,jpeg,tiff,png,exr}")] = ""

@@ -148,3 +148,9 @@ def test_checked_lamps_are_told_for_the_whole_photographs(tmp_path):
     assert part.crop is not None and part.camera is not None and part.lamps is not None and whole.lamps is not None
     back = part.lamps.positions_mm + part.crop.origin_mm(part.camera)
     np.testing.assert_allclose(back, whole.lamps.positions_mm, atol=1e-9)
+
+
+def test_diligent_s_file_of_that_name_is_no_crop(tmp_path):
+    write_folder(tmp_path)
+    (tmp_path / "crop.txt").write_text("8 18 6 26\n")
+    assert load(tmp_path).images.shape == (4, 24, 30, 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import import_module
@@ -101,10 +102,14 @@ def load(
 
 
 def own_crop(folder: Path) -> str:
-    """What the file with a crop beside photographs says; empty where there is none."""
+    """What the file with a crop beside photographs says; empty where there is none.
+
+    DiLiGenT's objects have a file of that name without commas: rows and columns around the mask, which nothing needs.
+    """
     from photonormal.capture.texts import read_lines
 
-    return " ".join(read_lines(folder / CROP)) if (folder / CROP).is_file() else ""
+    text = " ".join(read_lines(folder / CROP)) if (folder / CROP).is_file() else ""
+    return "" if re.fullmatch(r"\d+(\s+\d+){3}", text) else text
 
 
 def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:

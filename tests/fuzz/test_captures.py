@@ -11,15 +11,20 @@ from tests.fuzz.kinds import KINDS
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the driver reads /proc")
 
 
-def test_sound_captures_of_every_kind_are_measured(tmp_path):
-    with Driver() as driver:
-        for kind, write in KINDS.items():
-            folder = tmp_path / kind / "capture"
-            folder.mkdir(parents=True)
-            assert driver.faults(folder, *with_out(write(folder), folder.parent)) == [], kind
+@pytest.fixture(scope="module")
+def driver():
+    with Driver() as started:
+        yield started
+
+
+def test_sound_captures_of_every_kind_are_measured(tmp_path, driver):
+    driver.ends.clear()
+    for kind, write in KINDS.items():
+        folder = tmp_path / kind / "capture"
+        folder.mkdir(parents=True)
+        assert driver.faults(folder, *with_out(write(folder), folder.parent)) == [], kind
     assert driver.ends == {"done": len(KINDS)}
 
 
-def test_malformed_captures_of_every_kind():
-    with Driver() as driver:
-        assert [fault for seed in range(len(KINDS)) for fault in faults(driver, seed)] == []
+def test_malformed_captures_of_every_kind(driver):
+    assert [fault for seed in range(len(KINDS)) for fault in faults(driver, seed)] == []

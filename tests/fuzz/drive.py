@@ -194,7 +194,7 @@ def campaign(what: str, count: int, faults: Callable[[Driver, int], list[str]], 
         for seed in range(options.seed, options.seed + options.cases):
             for fault in faults(driver, seed):
                 print(fault, flush=True)
-            if (seed - options.seed + 1) % 500 == 0:
+            if (seed - options.seed + 1) % 100 == 0:
                 print(f"after seed {seed}: {dict(driver.ends)}", flush=True)
     ends = ", ".join(f"{n} {end}" for end, n in sorted(driver.ends.items()))
     print(f"{options.cases} {what}: {ends}; longest {driver.longest_s:.1f} s, peak {driver.peak_mb:.0f} MB")

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import random
+import shutil
 import signal
 import sys
 import tempfile
@@ -53,6 +54,7 @@ class Crash:
     def found(self, number: signal.Signals, ended: Ended) -> list[str]:
         """What is wrong after a kill; what a killed run has left is cleared up."""
         from photonormal.disk import PARTIAL, recover
+        from photonormal.types import InputError
 
         faults = []
         if ended.code not in (0, -number if number == signal.SIGKILL else 128 + number):
@@ -64,7 +66,11 @@ class Crash:
         if left and number != signal.SIGKILL:
             faults.append(f"left {left}")
         for folder in left:
-            recover(folder.parent)
+            try:
+                recover(folder.parent)
+            except InputError as error:
+                faults.append(str(error))
+                shutil.rmtree(folder)
         state = self.job.state()
         self.states[state] += 1
         if state not in ("old", "new", "begun"):

@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -111,14 +112,15 @@ def _child(work: Work, errors: int, calls: mmap, kill: Kill | None) -> None:
 
 def _counted(calls: mmap, kill: Kill | None) -> Callable[[str, Any], None]:
     """Counts the calls that change the disk; before one of them sends the signal."""
+    one_at_a_time = threading.Lock()
 
     def hook(event: str, told: Any) -> None:
         if event in CHANGES or (event == "open" and told[2] is not None and told[2] & (os.O_WRONLY | os.O_RDWR)):
-            if kill and int.from_bytes(calls[:8], "little") == kill.at_call:
-                calls[:8] = (kill.at_call + 1).to_bytes(8, "little")
+            with one_at_a_time:
+                count = int.from_bytes(calls[:8], "little")
+                calls[:8] = (count + 1).to_bytes(8, "little")
+            if kill and count == kill.at_call:
                 os.kill(os.getpid(), kill.number)
-            else:
-                calls[:8] = (int.from_bytes(calls[:8], "little") + 1).to_bytes(8, "little")
 
     return hook
 

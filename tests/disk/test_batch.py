@@ -3,6 +3,7 @@ import json
 import os
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -245,6 +246,28 @@ def test_ctrl_c_among_the_moves_waits_for_their_end(tmp_path, monkeypatch):
         put(tmp_path)
     monkeypatch.undo()
     assert content(tmp_path) == NEW | MINE and not (tmp_path / PARTIAL).exists()
+
+
+def test_a_thread_that_is_still_writing_leaves_nothing_after_a_second_ctrl_c(tmp_path):
+    started, ended, outcome = threading.Event(), threading.Event(), []
+
+    def late():
+        started.set()
+        ended.wait()
+        try:
+            batch.write("late.txt", b"half")
+        except RuntimeError as error:
+            outcome.append(str(error))
+
+    with pytest.raises(KeyboardInterrupt), at_once(tmp_path) as batch:
+        batch.write("a.txt", b"half")
+        thread = threading.Thread(target=late)
+        thread.start()
+        started.wait()
+        raise KeyboardInterrupt
+    ended.set()
+    thread.join()
+    assert outcome == [f"{tmp_path} is no longer written"] and list(tmp_path.iterdir()) == []
 
 
 def test_targets_are_refused_before_the_work(tmp_path):

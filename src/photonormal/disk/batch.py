@@ -17,6 +17,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -47,6 +48,7 @@ class Batch:
         self.after = NOTHING  # what a failure has left behind, in words
         self._made: list[Path] = []  # folders that were not there before
         self._journal: Journal | None = None
+        self._turn, self._ended = threading.Lock(), False
 
     def __truediv__(self, name: str) -> Path:
         path = self.journal.new / name
@@ -59,10 +61,13 @@ class Batch:
         return path
 
     def write(self, name: str, data: bytes) -> None:
-        """Write one of the files."""
-        path = self / name
-        with _told(self):
-            path.write_bytes(data)
+        """Write one of the files; from any thread, but RuntimeError once the batch has ended."""
+        with self._turn:
+            if self._ended:
+                raise RuntimeError(f"{self.folder} is no longer written")
+            path = self / name
+            with _told(self):
+                path.write_bytes(data)
 
     def inside(self, name: str) -> Inside:
         """A folder in the folder, to write files into in the same way."""
@@ -119,7 +124,8 @@ class Batch:
 
     def close(self) -> None:
         """Remove what is left of the batch."""
-        with uninterrupted():
+        with uninterrupted(), self._turn:
+            self._ended = True
             if self._journal is not None:
                 try:
                     with suppress(OSError):  # what can't be removed now, the next run removes

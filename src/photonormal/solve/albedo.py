@@ -7,8 +7,9 @@ import threading
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from photonormal.solve.engine import plan
 from photonormal.solve.engine.near import seen_as_distant
-from photonormal.solve.engine.samples import TOGETHER, row_bands
+from photonormal.solve.engine.samples import row_bands
 from photonormal.types import Capture, Normals, box_of
 
 
@@ -22,7 +23,7 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
     columns = box_of(capture.mask)[1]
     albedo = np.zeros(normals.map.shape, np.float32)
     first = 0
-    for rows in row_bands(capture, TOGETHER // capture.images.shape[0]):
+    for rows in row_bands(capture, plan.pixels(capture)):
         on = normals.mask[rows, columns]
         N = normals.map[rows, columns][on]  # (p, 3)
         count = int(capture.mask[rows, columns].sum())

@@ -12,7 +12,7 @@ from photonormal import InputError
 from photonormal.geometry import angle_deg
 from photonormal.solve import METHODS, configure
 from photonormal.solve.contract import Needs, Observations, Solution
-from photonormal.solve.engine import on_mask, run, samples, with_lights
+from photonormal.solve.engine import on_mask, plan, run, samples, with_lights
 from photonormal.solve.engine.device import torch_device
 from photonormal.solve.inputs import blocks
 from tests.scenes import lambertian, ring, sphere
@@ -26,7 +26,7 @@ FAST = [name for name in BY_PIXEL if name not in ("consensus", "monotonic")]
 def test_bands_of_rows_and_blocks_of_pixels_change_nothing(method, monkeypatch):
     capture = lambertian(sphere(24), ring(9))
     whole = run(configure(method), capture, CPU).normals
-    monkeypatch.setattr(samples, "TOGETHER", 10 * 60)
+    monkeypatch.setattr(plan, "LEVELS", 10 * 60)
     monkeypatch.setitem(blocks.BLOCK, "cpu", 10 * 7)
     assert len(samples.row_bands(capture, 60)) > 5
     assert angle_deg(whole.numpy(), run(configure(method), capture, CPU).normals.numpy()).max() < 0.05

@@ -9,7 +9,7 @@ import torch
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
 from photonormal.solve.classical.woodham import Woodham
-from photonormal.solve.engine import on_mask, prior, stream
+from photonormal.solve.engine import on_mask, plan, stream
 from photonormal.solve.engine.frames import frames
 from photonormal.solve.engine.windows import Box
 from photonormal.solve.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
@@ -88,7 +88,7 @@ def test_a_first_look_at_some_rows_at_a_time_agrees_with_one_at_all(monkeypatch)
     for kind in KINDS:
         whole = measure(network(kind), capture, CPU, prior="woodham")
         with monkeypatch.context() as m:
-            m.setattr(prior, "TOGETHER", 4 * 1000)  # fourteen rows
+            m.setattr(plan, "LEVELS", 4 * 1000)  # fourteen rows
             assert apart_deg(whole, measure(network(kind), capture, CPU, prior="woodham")) < 0.05
 
 

@@ -9,14 +9,14 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.solve.contract import Prior
+from photonormal.solve.engine import plan
 from photonormal.solve.engine.frames import frames
-from photonormal.solve.engine.samples import TOGETHER
 from photonormal.solve.engine.windows import Box
 from photonormal.solve.inputs.grey import grey
 from photonormal.solve.inputs.scaling import moment
 from photonormal.types import Capture, InputError
 
-PART = 2**22  # grey levels that a prior looks at together
+PART = 16  # a prior looks at this part of them together
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def first_look(scaling: str, capture: Capture, box: Box, device: torch.device, p
     N = torch.zeros(3, h, w, device=device)
     lit = torch.zeros(h, w, dtype=torch.bool, device=device)
     moments: list[Tensor] = []
-    for rows in _rows(box, max(1, TOGETHER // n)):
+    for rows in _rows(box, plan.pixels(capture)):
         seen = rows, slice(0, w)
         mask = box.mask[seen].to(device)
         inside = mask.flatten().nonzero()[:, 0]
@@ -83,7 +83,7 @@ def _normals(
     prior: Prior, I: Float[Tensor, "p n"], L: Float[Tensor, "n 3 *hw"], mask: Bool[Tensor, "h w"]
 ) -> Float[Tensor, "3 h w"]:
     found = torch.zeros(3, *mask.shape, device=I.device)
-    step = max(1, PART // max(1, I.shape[1]))
+    step = max(1, plan.levels() // PART // max(1, I.shape[1]))
     seen = L if L.ndim == 2 else L[:, :, mask].permute(2, 0, 1)  # (p, n, 3)
     parts = [prior.normals(I[a : a + step], L if L.ndim == 2 else seen[a : a + step]) for a in range(0, len(I), step)]
     if parts:

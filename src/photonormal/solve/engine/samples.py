@@ -12,11 +12,10 @@ from torch import Tensor
 
 from photonormal.progress import progress
 from photonormal.solve.contract import Observations, Solution, Solver
+from photonormal.solve.engine import plan
 from photonormal.solve.inputs.blocks import blocks
 from photonormal.solve.inputs.grey import READ, Levels, grey_samples, metallic
 from photonormal.types import Capture, box_of
-
-TOGETHER = 2**26  # grey levels held at a time
 
 
 def by_pixel(method: Solver, capture: Capture, device: torch.device) -> Solution:
@@ -54,7 +53,7 @@ def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solu
 
 def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:
     """Grey levels (p, n) of some rows, the number of the first pixel, and what is told of the whole capture."""
-    rows = row_bands(capture, TOGETHER // capture.images.shape[0])
+    rows = row_bands(capture, plan.pixels(capture))
     I = grey_levels(capture, rows[0])
     step = max(1, int(capture.mask.sum()) * I.shape[1] // READ)
     some = I[::step].clone() if len(rows) == 1 else grey_levels(capture, step=step)

@@ -15,6 +15,7 @@ from torch import Tensor
 
 from photonormal.progress import progress
 from photonormal.solve.contract import Solution, Streaming
+from photonormal.solve.engine import plan
 from photonormal.solve.engine.frames import frames
 from photonormal.solve.engine.prior import FirstLook, first_look, prior_named
 from photonormal.solve.engine.windows import Box, Window
@@ -24,7 +25,6 @@ from photonormal.solve.learned.processor import inner_precision
 from photonormal.types import Capture, InputError
 
 PART = 2**13  # pixels of an image that a processor encodes at a time
-SIDE = {"cpu": 512, "cuda": 1024}  # of a window in pixels, without its margins
 SEEN = 2**21  # pixels, of all images together, that other devices encode at a time
 
 
@@ -49,7 +49,7 @@ def measured(
     Parameters
     ----------
     rotations : 1, or 4: average over quarter turns of the images; four times the work
-    side : of a window in pixels, without its margins; 0: what suits the device
+    side : of a window in pixels, without its margins; 0: what suits the device and the memory
     prior : a classical method in place of the one that the network learned with; "": none
     passes : how often the network looks; from the second time on its own normals are the prior
     """
@@ -60,7 +60,7 @@ def measured(
     start = prior_named(net.config.prior if prior is None else prior)
     net = placed(net, device).eval()
     box = Box.of(capture, net.stride)
-    side = -(-(side or SIDE.get(device.type, SIDE["cuda"])) // net.stride) * net.stride
+    side = -(-side // net.stride) * net.stride if side else plan.side(net, passes, rotations, device)
     with torch.inference_mode():
         look = first_look(net.scaling, capture, box, device, start)
         found: Tensor | None = None  # (d, h, w), on the processor

@@ -77,6 +77,17 @@ def test_shadows_tell_half_a_turn(frame):
     np.testing.assert_allclose(verdict.frame.matrix() @ frame.matrix(), np.eye(3), atol=1e-9)
 
 
+@pytest.mark.parametrize(("turn_deg", "along_deg"), [(5, 0), (-5, 0), (7, 175), (6, 60)])
+def test_lights_a_little_off_are_no_mirrored_frame_of_parallel_folds(turn_deg, along_deg):
+    """Folds mirrored about their own direction look as they did."""
+    y, x = np.mgrid[: 2 * np.pi : 1j * SIZE, : 2 * np.pi : 1j * SIZE]
+    a = np.radians(along_deg)
+    across, along = x * np.cos(a) - y * np.sin(a), x * np.sin(a) + y * np.cos(a)
+    folds = np.sin(4 * (across + 0.03 * np.sin(along + 1))) * (1 + 0.1 * np.sin(0.7 * along))
+    assert judged(seen(folds, Frame(False, turn_deg))).frame == GIVEN
+    assert judged(seen(folds, Frame(False, 90))).frame != GIVEN
+
+
 def test_a_hollow_plate_is_no_flipped_one():
     """A bowl's rim is no outline that turns away from the camera."""
     y, x = np.mgrid[-1 : 1 : 1j * SIZE, -1 : 1 : 1j * SIZE]

@@ -59,6 +59,7 @@ class Frame:
 GIVEN = Frame(False, 0)
 TRIED = [Frame(True, deg) for deg in range(0, 180, STEP_DEG)]  # half turns aside, which change no curl
 TRIED += [Frame(False, deg) for deg in range(SMALL_DEG, 181 - SMALL_DEG, STEP_DEG)]
+SMALL = [Frame(False, deg) for deg in range(STEP_DEG - SMALL_DEG, SMALL_DEG, STEP_DEG)]  # what inexact lights do
 QUARTERS = [Frame(mirrored, deg) for mirrored in (False, True) for deg in (0, 90, 180, 270)]
 
 
@@ -136,9 +137,12 @@ def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
     usual = Frame(best.mirrored, round(best.turn_deg / 45) * 45 % 180)
     if curl.total(usual) <= AS_GOOD * curl.total(best) and usual != GIVEN:
         best = usual
-    given, least = curl.total(GIVEN), curl.total(best)
-    numbers = {"curl": round(given, 4), "curl_best": round(min(given, least), 4)}
-    if given > WORSE * least and curl.certainty(GIVEN, best) > CERTAIN:
+    # Parallel folds mirrored about their own direction look as they did, so lights that are a little off fit a mirrored
+    # frame better than the given one, but not better than one turned a little.
+    meant = min(SMALL, key=curl.total) if best.mirrored else GIVEN
+    given, least = curl.total(meant), curl.total(best)
+    numbers = {"curl": round(curl.total(GIVEN), 4), "curl_best": round(min(given, least), 4)}
+    if given > WORSE * least and curl.certainty(meant, best) > CERTAIN:
         return best, numbers
     return GIVEN, numbers
 

@@ -128,7 +128,7 @@ class Convert:
     out: Path
     """File to write: .png (16-bit), .exr or .npz; it tells its frame."""
     from_frame: MapFrame = "auto"
-    """Frame of NORMALS, as for `integrate --frame`; auto: what the file tells, or its curl."""
+    """The frame of that normal map, as for `integrate --frame`; auto: what the file tells, or its curl."""
     frame: Annotated[Frame, tyro.conf.arg()] = "opengl"
     """Frame of what is written: opengl (green up), directx (green down), y-down, z-away or blender."""
     mask: File = None

@@ -157,6 +157,14 @@ def test_what_fits_better_linearised_is_told_unless_it_was(tmp_path, dtype):
     assert not [f for f in check(pn.load(matt(linear, dtype, False))) if f.grave]
 
 
+def test_what_fits_better_as_it_was_is_told(tmp_path):
+    """Editors write sRGB's profile into linear pictures, too."""
+    matt(tmp_path, np.uint16, False, profile=GAMMA)
+    found = check(pn.load(tmp_path))
+    assert [f.kind for f in found if f.grave] == ["encoding"] and "--linear" in found[0].message
+    assert not [f for f in check(pn.load(tmp_path, linear=True)) if f.grave]
+
+
 def test_the_report_says_what_was_assumed(tmp_path, capsys):
     arguments = ["--method", "woodham", "--no-mesh", "--no-expected-error"]
     for name, embedded in (("silent", {}), ("said", {"profile": GAMMA})):

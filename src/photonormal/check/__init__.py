@@ -21,7 +21,7 @@ def check(capture: Capture) -> list[Finding]:
     from photonormal.arrays import as_capture
     from photonormal.check import coverage, explanations, exposure, lights, motion, positions, samples
     from photonormal.check.given import Distant, Near
-    from photonormal.srgb import to_linear
+    from photonormal.srgb import from_linear, to_linear
 
     capture = as_capture(capture)
     s, names = samples.read(capture), list(capture.image_names)
@@ -39,11 +39,12 @@ def check(capture: Capture) -> list[Finding]:
             given = Distant(I, capture.lights)
         lost = (given.levels > 0).any(axis=0) > (given.seen() > 0).any(axis=0)  # by lamps that shine elsewhere
         if not lost.any():
-            other = explanations.explanation(given, mask, None if capture.linearised else s.bits)
+            other = explanations.explanation(given, mask, s.bits, capture.linearised)
             if other and other[0].lights is not None:
                 given = Distant(I, other[0].lights)
             if other and other[0].kind == "encoding":
-                given = given.showing(to_linear(given.levels / given.levels.max()))
+                change = from_linear if capture.linearised else to_linear
+                given = given.showing(change(given.levels / given.levels.max()))
             wrong, given = lights.disagreement(given, mask, names)
             found += [*wrong, *other]
             if not other:  # which changes brightnesses by itself

@@ -13,12 +13,13 @@ from jaxtyping import Bool, Float
 from photonormal.check.finding import Finding
 from photonormal.check.given import Given, Near
 from photonormal.check.misfit import Gain, Pixels
-from photonormal.srgb import to_linear
+from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
 HALFWAY = 0.5  # misfit with twice the zenith angles
 OFFSET, ENCODED = 0.6, 0.7  # misfit with light that stays on, and of linearised samples
+AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
 ON, OF_PIXELS = 0.08, 0.8  # that light, as part of full brightness, and the pixels that show most of it
 MOST = 0.06  # of it
 STEEPER = 2.2  # relative errors grow so much where samples are linearised
@@ -29,14 +30,19 @@ RING, NEVER_DARK = 0.003, 0.25  # of the largest singular value; and of a pixel'
 GRAVE = 0.12  # light that stays on, above which it spoils the normals
 
 
-def explanation(given: Given, mask: Bool[np.ndarray, "h w"], bits: int | None) -> list[Finding]:
-    """The explanation that leaves least of the misfit; none where none leaves clearly less in all of the object."""
+def explanation(given: Given, mask: Bool[np.ndarray, "h w"], bits: int | None, linearised: bool) -> list[Finding]:
+    """The explanation that leaves least of the misfit; none where none leaves clearly less in all of the object.
+
+    `bits` of the samples, None for floats; `linearised` where they were encoded, by their files' word or the user's.
+    """
     L = given.directions()
     pixels = Pixels.of(given.seen(), mask)
     if pixels is None:
         return _hardly_differ(given.levels, L)
     before = pixels.fit(L)[1]
-    tried = [_staying_on(pixels, L, before, bits)]
+    tried = [_staying_on(pixels, L, before, None if linearised else bits)]
+    if linearised:
+        tried.append(_linear_before(pixels, L, before))
     if not isinstance(given, Near):
         tried += [_near(pixels, L, before), _halfway(pixels, L, before)]
     found = [t for t in tried if t is not None]
@@ -87,6 +93,22 @@ def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | N
     )
     numbers = {"ambient_level": round(level, 4), "misfit_left": round(offset.left, 4)}
     return offset.left, Finding("ambient", level > GRAVE, message, numbers)
+
+
+def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+    """I = b.l + c with c below zero in most pixels, and none with the curve that was applied taken back."""
+    b = pixels.fit(np.concatenate([L, np.ones((len(L), 1))], axis=1))[0]
+    if np.median(b[:, 3] / np.linalg.norm(b[:, :3], axis=1).clip(1e-9)) > TAKEN:
+        return None
+    gain = pixels.gain(before, pixels.showing(from_linear(pixels.I.clip(0, 1))).fit(L)[1])
+    if not gain.below(AGAIN):
+        return None
+    message = (
+        "the pictures were linearised, but fit a matt surface "
+        f"{1 / max(gain.left, 0.01):.1f} times better as their files store them: they look linear, whatever is said of "
+        "them; leave --srgb out, or add --linear."
+    )
+    return gain.left, Finding("encoding", True, message, {"misfit_as_stored": round(gain.left, 4)})
 
 
 def _near(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:

@@ -1,0 +1,23 @@
+"""What is said to a user whose input can't be used."""
+
+from __future__ import annotations
+
+LONGEST = 2000  # characters of a message
+
+
+class InputError(ValueError):
+    """What the user gave can't be used. One line: what came, what was needed, what to do."""
+
+    def __init__(self, message: str):
+        super().__init__(printable(" ".join(message.splitlines())))
+
+
+def printable(text: str) -> str:
+    """The text without what a terminal would obey, since names of files may hold anything; cut where it is very long.
+
+    >>> printable("red \\x1b[31m.png")
+    'red \\\\x1b[31m.png'
+    """
+    if len(text) > LONGEST:
+        text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from scipy.special import expit
 
 from photonormal.integrate.graph import LaggedSolver, PixelGraph
-from photonormal.integrate.slopes import slopes, surface
+from photonormal.integrate.slopes import Slopes, surface
 from photonormal.types import InputError, Normals, Surface
 
 
@@ -47,10 +47,11 @@ class Bilateral:
             raise InputError(f"k is {self.k} and rounds {self.rounds}; k >= 0 and at least one round are needed.")
 
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
-        s = slopes(normals, K, self.grazing)
-        graph = PixelGraph(s.mask)
+        slopes = Slopes(normals, K, self.grazing)
+        mask = slopes.mask
+        graph = PixelGraph(mask)
         i, j, axis = graph.i, graph.j, graph.axis
-        a, b = s.a[s.mask], s.b[:, s.mask]  # (p,), (2, p)
+        a, b = (v[..., mask] for v in slopes.rows(0, len(mask)))  # (p,), (2, p)
         ai, aj, bi, bj = a[i], a[j], b[axis, i], b[axis, j]  # (e,) at both ends of every edge
         solver = LaggedSolver(graph)
 
@@ -66,7 +67,9 @@ class Bilateral:
         if self.midpoint:
             w = wi + wj
             z = solver(w * (ai * aj) ** 2, w * ai * aj * (aj * bi + ai * bj) / 2, z, rtol=1e-6)
-        return surface(z, normals, K, s.f)
+        found = np.zeros(mask.shape)
+        found[mask] = z
+        return surface(found, slopes)
 
     def weights(
         self, graph: PixelGraph, next_step: Float[np.ndarray, " e"], last_step: Float[np.ndarray, " e"]

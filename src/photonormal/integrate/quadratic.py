@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.integrate.conjugate import conjugate_gradients
-from photonormal.integrate.simchony import divergence, poisson
-from photonormal.integrate.slopes import pairs, slopes, surface
+from photonormal.integrate.simchony import poisson
+from photonormal.integrate.slopes import Slopes, pairs, surface, weighted_laplacian
 from photonormal.types import Normals, Surface
 
 
@@ -30,22 +30,28 @@ class Quadratic:
     tolerance: float = 1e-6
 
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
-        s = slopes(normals, K, self.grazing)
-        z = self.solve(s.mask, divergence(*s.along_edges()))
-        return surface(z[s.mask], normals, K, s.f)
+        slopes = Slopes(normals, K, self.grazing)
+        return surface(self.solve(slopes.mask, slopes.divergence()), slopes)
 
     def solve(self, mask: np.ndarray, f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
         """z with div grad z = f where no flow crosses the border of the mask; `f` sums to zero on each of its parts."""
         right, down = pairs(mask)
         filled = bool(mask.all())
+        np.negative(f, out=f)
+        start = rectangle(f, filled)
+        z, _ = conjugate_gradients(
+            lambda z: weighted_laplacian(z, right, down),
+            f,
+            start,
+            lambda r: rectangle(r, filled),
+            self.tolerance,
+            most=2000,
+            precision=np.float32,
+        )
+        return z
 
-        def laplacian(z: np.ndarray) -> np.ndarray:
-            z = z.reshape(mask.shape)
-            return divergence(right * -np.diff(z, axis=1), down * -np.diff(z, axis=0)).ravel()
 
-        def rectangle(r: np.ndarray) -> np.ndarray:
-            return poisson(-r.reshape(mask.shape), exact=filled).ravel()
-
-        start = rectangle(-f.ravel())
-        z, _ = conjugate_gradients(laplacian, -f.ravel(), start, rectangle, self.tolerance, most=2000)
-        return z.reshape(mask.shape)
+def rectangle(r: Float[np.ndarray, "h w"], filled: bool) -> Float[np.ndarray, "h w"]:
+    """z with -div grad z = r over the whole rectangle."""
+    z = poisson(r, exact=filled)
+    return np.ascontiguousarray(np.negative(z, out=z))

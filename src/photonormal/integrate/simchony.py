@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.fft import dctn, idctn, next_fast_len
 
-from photonormal.integrate.slopes import slopes, surface
+from photonormal.integrate.slopes import Slopes, surface
 from photonormal.types import Normals, Surface, cores
 
 
@@ -27,35 +27,26 @@ class Simchony:
     grazing: float = 0.05
 
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
-        s = slopes(normals, K, self.grazing)
-        z = poisson(divergence(*s.along_edges()), exact=bool(s.mask.all()))
-        return surface(z[s.mask], normals, K, s.f)
-
-
-def divergence(gx: Float[np.ndarray, "h w1"], gy: Float[np.ndarray, "h1 w"]) -> Float[np.ndarray, "h w"]:
-    """What flows out of each pixel along its edges; nothing crosses the border. Minus the adjoint of `np.diff`."""
-    f = np.zeros((len(gx), gy.shape[1]))
-    f[:, :-1] += gx
-    f[:, 1:] -= gx
-    f[:-1] += gy
-    f[1:] -= gy
-    return f
+        slopes = Slopes(normals, K, self.grazing)
+        return surface(poisson(slopes.divergence(), exact=bool(slopes.mask.all())), slopes)
 
 
 def poisson(f: Float[np.ndarray, "h w"], exact: bool) -> Float[np.ndarray, "h w"]:
     """z with div grad z = f (five-point, no flow through the border), up to a constant; the mean of `f` is ignored.
 
     Cosines are the eigenvectors: z^ = f^ / ((2 cos(pi u / w) - 2) + (2 cos(pi v / h) - 2)). Unless `exact`, the border
-    moves outwards, the same way on every side, to where the transform is fast: primes are 15 times slower.
+    moves outwards, the same way on every side, to where the transform is fast: primes are 15 times slower. In the
+    precision of `f`.
     """
     pads = [(0, 0) if exact else padding(n) for n in f.shape]
-    f = np.pad(f, pads)
-    v, u = (2 * np.cos(np.pi * np.arange(n) / n) - 2 for n in f.shape)
-    eigenvalues = v[:, None] + u  # (h, w)
-    eigenvalues[0, 0] = np.inf
-    F = np.asarray(dctn(f, workers=cores())) / eigenvalues
+    F: np.ndarray = np.asarray(dctn(np.pad(f, pads), workers=cores(), overwrite_x=True))
+    v, u = (2 * np.cos(np.pi * np.arange(n) / n) - 2 for n in F.shape)
+    for row, eigenvalue in zip(F, v, strict=True):
+        eigenvalues = (eigenvalue + u).astype(F.dtype)
+        np.divide(row, eigenvalues, out=row, where=eigenvalues < 0)
+    F[0, 0] = 0
     z = np.asarray(idctn(F, workers=cores(), overwrite_x=True))
-    return z[tuple(slice(before, n - after) for (before, after), n in zip(pads, f.shape, strict=True))]
+    return z[tuple(slice(before, n - after) for (before, after), n in zip(pads, z.shape, strict=True))]
 
 
 def padding(n: int) -> tuple[int, int]:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import label
 
-from photonormal.types import InputError, Normals, Surface
+from photonormal.types import InputError, Normals, Surface, box_of
+
+ROWS = 128  # computed at a time, to bound the memory
 
 
 @dataclass(frozen=True)
@@ -20,55 +23,98 @@ class Slopes:
 
     Parameters
     ----------
-    mask : (h, w), the bounding rectangle of the normals' mask
-    a : (h, w), at least `grazing`; b : (2, h, w); both zero outside the mask
-    f : pixels for one unit of ln(distance); 1 in an orthographic view
+    normals : the surface's
+    K : (3, 3) camera matrix of a perspective view; None: orthographic
+    grazing : in (0, 1), least cosine between a normal and its viewing ray: normals that look further aside, or away
+        from the camera, count as if they had it, so that no step is much above 1/grazing pixels
     """
 
-    mask: Bool[np.ndarray, "h w"]
-    a: Float[np.ndarray, "h w"]
-    b: Float[np.ndarray, "2 h w"]
-    f: float
+    normals: Normals
+    K: np.ndarray | None
+    grazing: float
 
-    def along_edges(self) -> tuple[Float[np.ndarray, "h w1"], Float[np.ndarray, "h1 w"]]:
-        """z steps from each pixel to its right and to its lower neighbour: (b_i + b_j) / (a_i + a_j).
+    def __post_init__(self) -> None:
+        if not 0 < self.grazing < 1:
+            raise InputError(f"grazing is {self.grazing} but a cosine between 0 and 1 is needed; 0.05 is usual.")
 
-        On a plane and on a sphere the mean of two unit normals is perpendicular to the chord between their points, so
-        that this is exact on both in an orthographic view; elsewhere it is of second order. Zero where a neighbour is
-        off the mask.
+    @property
+    def box(self) -> tuple[slice, slice]:
+        """The mask's bounding rectangle, to which all arrays belong."""
+        return box_of(self.normals.mask)
+
+    @property
+    def mask(self) -> Bool[np.ndarray, "h w"]:
+        """The mask in the box."""
+        return self.normals.mask[self.box]
+
+    @property
+    def f(self) -> float:
+        """Pixels for one unit of ln(distance); 1 in an orthographic view."""
+        return 1.0 if self.K is None else float(self.K[0, 0])
+
+    def rows(self, first: int, last: int) -> tuple[Float[np.ndarray, "k w"], Float[np.ndarray, "2 k w"]]:
+        """a, at least `grazing`, and b, of some rows of the box; `a` is zero outside the mask."""
+        top, left = (span.start for span in self.box)
+        rows = slice(top + first, top + last)
+        mask = self.normals.mask[rows, self.box[1]]
+        n = np.moveaxis(self.normals.map[rows, self.box[1]], 2, 0).astype(np.float64, order="C")  # (3, k, w)
+        if self.K is None:
+            # n . (dx, -dy, dz) = 0 on the tangent plane, y of the picture running against y of the frame
+            a, b = n[2], np.stack([-n[0], n[1]])
+        else:
+            flip = np.diag([1.0, -1.0, -1.0])  # camera axes (right, down, forward) to the frame (right, up, towards)
+            R = flip @ np.linalg.inv(self.K)  # a point is P = d r, r = R (x, y, 1), d the distance along the axis
+            # n . dP = 0 with P = exp(z / f) r:  (-n . r) dz/dx = f n . dr/dx
+            rx, ry, r0 = np.tensordot(R, n, axes=(0, 0))  # (3, k, w): n . R
+            x, y = left + np.arange(mask.shape[1]), rows.start + np.arange(mask.shape[0])[:, None]
+            a, b = -(rx * x + ry * y + r0), self.f * np.stack([rx, ry])
+        return np.where(mask, np.maximum(a, self.grazing), 0), b
+
+    def along_edges(self) -> Iterator[tuple[int, Float[np.ndarray, "k w1"], Float[np.ndarray, "k1 w"]]]:
+        """First row, and z steps from each pixel to its right and to its lower neighbour, of some rows after the other.
+
+        They are (b_i + b_j) / (a_i + a_j). On a plane and on a sphere the mean of two unit normals is perpendicular to
+        the chord between their points, so that this is exact on both in an orthographic view; elsewhere it is of second
+        order. Zero where a neighbour is off the mask.
         """
-        a, (bx, by) = self.a, self.b
-        right, down = pairs(self.mask)
-        gx = np.divide(bx[:, :-1] + bx[:, 1:], a[:, :-1] + a[:, 1:], out=np.zeros(right.shape), where=right)
-        gy = np.divide(by[:-1] + by[1:], a[:-1] + a[1:], out=np.zeros(down.shape), where=down)
-        return gx, gy
+        mask = self.mask
+        for y in range(0, len(mask), ROWS):
+            own = min(ROWS, len(mask) - y)
+            a, (bx, by) = self.rows(y, min(y + ROWS + 1, len(mask)))  # one more, for the steps down to it
+            right, down = pairs(mask[y : y + len(a)])
+            a_x, b_x = (v[:own, :-1] + v[:own, 1:] for v in (a, bx))
+            yield (
+                y,
+                np.divide(b_x, a_x, out=np.zeros_like(b_x), where=right[:own]),
+                np.divide(by[:-1] + by[1:], a[:-1] + a[1:], out=np.zeros(down.shape), where=down),
+            )
+
+    def divergence(self) -> Float[np.ndarray, "h w"]:
+        """What the steps along the edges carry out of each pixel."""
+        f = np.zeros(self.mask.shape)
+        for y, gx, gy in self.along_edges():
+            add_divergence(f[y : y + len(gx) + 1], gx, gy)
+        return f
 
 
-def slopes(normals: Normals, K: np.ndarray | None, grazing: float) -> Slopes:
-    """The slope equations of `normals` in the view of camera matrix `K` (None: orthographic).
+def add_divergence(f: Float[np.ndarray, "h w"], gx: Float[np.ndarray, "k w1"], gy: Float[np.ndarray, "l w"]) -> None:
+    """Add what flows out of each pixel along its edges, of the first rows; minus the adjoint of `np.diff`."""
+    f[: len(gx), :-1] += gx
+    f[: len(gx), 1:] -= gx
+    f[: len(gy)] += gy
+    f[1 : len(gy) + 1] -= gy
 
-    `grazing` in (0, 1) is the least cosine between a normal and its viewing ray: normals that look further aside, or
-    away from the camera, count as if they had it, so that no step is much above 1/grazing pixels.
-    """
-    if not 0 < grazing < 1:
-        raise InputError(f"grazing is {grazing} but a cosine between 0 and 1 is needed; 0.05 is usual.")
-    rows, columns = np.flatnonzero(normals.mask.any(1)), np.flatnonzero(normals.mask.any(0))
-    y0, x0 = rows[0], columns[0]
-    box = slice(y0, rows[-1] + 1), slice(x0, columns[-1] + 1)
-    mask, n = normals.mask[box], np.moveaxis(normals.map[box], 2, 0).astype(np.float64, order="C")  # (3, h, w)
-    if K is None:
-        # n . (dx, -dy, dz) = 0 on the tangent plane, y of the picture running against y of the frame
-        a, bx, by, f = n[2], -n[0], n[1], 1.0
-    else:
-        f = float(K[0, 0])
-        flip = np.diag([1.0, -1.0, -1.0])  # camera axes (right, down, forward) to the frame (right, up, towards)
-        R = flip @ np.linalg.inv(K)  # a point is P = d r, r = R (x, y, 1), d the distance along the axis
-        # n . dP = 0 with P = exp(z / f) r:  (-n . r) dz/dx = f n . dr/dx
-        rx, ry, r0 = np.tensordot(R, n, axes=(0, 0))  # (3, h, w): n . R
-        x, y = x0 + np.arange(mask.shape[1]), y0 + np.arange(mask.shape[0])[:, None]
-        a = -(rx * x + ry * y + r0)
-        bx, by = f * rx, f * ry
-    return Slopes(mask, np.where(mask, np.maximum(a, grazing), 0), np.stack([bx, by]), f)
+
+def weighted_laplacian(
+    z: Float[np.ndarray, "h w"], cx: np.ndarray, cy: np.ndarray, rows: int = ROWS
+) -> Float[np.ndarray, "h w"]:
+    """-div(c grad z) with weights cx (h, w - 1) of the edges to the right and cy (h - 1, w) of those down."""
+    found = np.zeros_like(z)
+    for y in range(0, len(z), rows):
+        part = z[y : y + rows + 1]
+        gx = cx[y : y + rows] * (part[:rows, :-1] - part[:rows, 1:])
+        add_divergence(found[y : y + rows + 1], gx, cy[y : y + rows] * (part[:-1] - part[1:]))
+    return found
 
 
 def steps(
@@ -84,17 +130,20 @@ def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], Bool
     return mask[:, :-1] & mask[:, 1:], mask[:-1] & mask[1:]
 
 
-def surface(z: Float[np.ndarray, " p"], normals: Normals, K: np.ndarray | None, f: float) -> Surface:
-    """The surface of z at the `p` pixels of the mask, with the free constant (scale) of each connected part fixed."""
-    mask = normals.mask
+def surface(z: Float[np.ndarray, "h w"], slopes: Slopes) -> Surface:
+    """The surface of z in the mask's box, with the free constant (scale) of each connected part fixed."""
+    normals, K = slopes.normals, slopes.K
+    mask = slopes.mask
     parts = np.zeros(mask.shape, np.int32)
     label(mask, output=parts)
-    part = parts[mask]  # (p,), from 1
-    size = np.maximum(np.bincount(part), 1)
-    z = z - (np.bincount(part, z) / size)[part]
+    parts = parts.ravel()  # from 1; 0 is outside
+    size = np.maximum(np.bincount(parts), 1)
+    z = z.ravel()
+    z -= (np.bincount(parts, z) / size)[parts]
     if K is not None:
-        z = np.exp(z / f)
-        z = z / (np.bincount(part, z) / size)[part]
-    depth = np.full(mask.shape, np.nan)
-    depth[mask] = z
-    return Surface(depth, mask, K)
+        z = np.exp(z / slopes.f)
+        z /= (np.bincount(parts, z) / size)[parts]
+    z[parts == 0] = np.nan
+    depth = np.full(normals.mask.shape, np.nan)
+    depth[slopes.box] = z.reshape(mask.shape)
+    return Surface(depth, normals.mask, K)

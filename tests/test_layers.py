@@ -15,6 +15,7 @@ BASE = {
     "options",
     "stored",
     "png",
+    "masked",
     "curl",
     "lookup",
     "srgb",
@@ -24,6 +25,7 @@ BASE = {
 }
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
+    "masked": set(),
     "arrays": {"types"},
     "notebook": {"types", "png"},
     "errors": set(),

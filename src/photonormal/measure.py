@@ -15,11 +15,12 @@ import photonormal
 from photonormal.arrays import as_capture
 from photonormal.check import check
 from photonormal.integrate import integrate
+from photonormal.masked import row_bands
 from photonormal.options import Device, Precision, check_value
 from photonormal.progress import progress
 from photonormal.score import score
 from photonormal.solve import DEFAULT, configure, options_of
-from photonormal.types import Capture, Result
+from photonormal.types import Capture, Result, box_of
 
 
 def measure(
@@ -83,15 +84,17 @@ def measure(
         with _stage("expected error", seconds), progress("expected errors"):
             lit = seen_as_distant(lit, normals)
             normals = with_expected_error(normals, found, lit, solver, where)
+    lights, intensities = (None if v is None else v.numpy() for v in (found.lights, found.intensities))
+    del found  # its normals lie in the map
     rho = surface = None
+    if integration is not None:
+        with _stage("integrate", seconds), progress(f"depth by {integration}"):
+            surface = integrate(normals, integration, K=_camera_matrix(capture, K))
     if albedo and lit.lights is not None:
         from photonormal.solve.albedo import lambertian_albedo
 
         with _stage("albedo", seconds), progress("albedo"):
             rho = lambertian_albedo(lit, normals)
-    if integration is not None:
-        with _stage("integrate", seconds), progress(f"depth by {integration}"):
-            surface = integrate(normals, integration, K=_camera_matrix(capture, K))
     dark = int(capture.mask.sum()) - int(normals.mask.sum())
     if dark:
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
@@ -118,7 +121,6 @@ def measure(
         report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
     if capture.truth is not None:
         report["score"] = score(normals, capture.truth).as_dict()
-    lights, intensities = (None if v is None else v.numpy() for v in (found.lights, found.intensities))
     return Result(capture, normals, rho, surface, lights, intensities, report)
 
 
@@ -141,16 +143,20 @@ def read_camera(path: Path | None) -> np.ndarray | None:
 def _read(capture: Capture) -> dict[str, float]:
     """Decode every picture once, in threads; samples inside the mask that are saturated or zero, in per cent."""
     n, _, _, c = capture.images.shape
+    columns = box_of(capture.mask)[1]
     with progress(f"reading {n} images", n) as advance:
 
-        def count(j: int, image: np.ndarray) -> tuple[int, int]:
-            samples = image[capture.mask]  # (p, c)
+        def count(j: int) -> tuple[int, int]:
             # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
             white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
+            saturated = zero = 0
+            for rows in row_bands(capture.mask):
+                samples = capture.window(j, rows, columns)[capture.mask[rows, columns]]  # (p, c)
+                saturated, zero = saturated + int((samples >= white).sum()), zero + int((samples <= 0).sum())
             advance()
-            return int((samples >= white).sum()), int((samples <= 0).sum())
+            return saturated, zero
 
-        saturated, zero = np.sum(capture.map_images(count), axis=0)
+        saturated, zero = np.sum(capture.each_image(count), axis=0)
     total = n * c * int(capture.mask.sum())
     return {
         "saturated_percent": round(100 * float(saturated) / total, 3),

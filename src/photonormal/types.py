@@ -9,7 +9,7 @@ origin is the camera in a perspective view, else the middle of the picture at th
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
@@ -190,7 +190,7 @@ class Normals:
 
     Parameters
     ----------
-    map : (h, w, 3) float32, unit inside `mask`, zero outside
+    map : (h, w, 3) float32, unit inside `mask`, zero outside; kept as it is where it is so, else a copy
     mask : (h, w) bool, True where there is a normal; pixels that no light reached are not in it. None: where the map is
         neither zero nor NaN
     expected_error_deg : (h, w) float32, how far each normal is expected to be off, in degrees; NaN outside `mask`. None
@@ -213,18 +213,24 @@ class Normals:
                 f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype} "
                 "but (h, w, 3) and (h, w) bool are needed; give maps of one size."
             )
-        length = np.linalg.norm(self.map[self.mask], axis=-1)
-        if not (np.abs(length - 1) < 1e-3).all():  # also catches NaN
+        kept, wrong = self.map, 0
+        if kept.dtype != np.float32 or any(kept[rows][~self.mask[rows]].any() for rows in _parts(self.mask)):
+            kept = np.where(self.mask[..., None], self.map, 0).astype(np.float32)
+        for rows in _parts(self.mask):
+            length = np.linalg.norm(self.map[rows][self.mask[rows]], axis=-1)
+            wrong += int((~(np.abs(length - 1) < 1e-3)).sum())  # also catches NaN
+        if wrong:
             raise InputError(
-                f"{int((~(np.abs(length - 1) < 1e-3)).sum())} normals inside the mask are not unit vectors; "
+                f"{wrong} normals inside the mask are not unit vectors; "
                 "normalise them or leave those pixels out of the mask."
             )
-        object.__setattr__(self, "map", np.where(self.mask[..., None], self.map, 0).astype(np.float32))
+        object.__setattr__(self, "map", kept)
         expected = self.expected_error_deg
         if expected is not None:
             if expected.shape != self.mask.shape:
                 raise InputError(f"expected errors are {expected.shape} but normals {self.map.shape}; give one each.")
-            kept = np.where(self.mask, expected, np.nan).astype(np.float32)
+            kept = expected.astype(np.float32)
+            kept[~self.mask] = np.nan
             object.__setattr__(self, "expected_error_deg", kept)
 
     def __repr__(self) -> str:
@@ -327,6 +333,11 @@ def box_of(mask: Mask, margin: int = 0) -> tuple[slice, slice]:
         first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, size - 1)
         spans.append(slice(max(0, first - margin), min(size, last + 1 + margin)))
     return spans[0], spans[1]
+
+
+def _parts(mask: Mask) -> Iterator[slice]:
+    """Some rows after the other, to bound the memory."""
+    return (slice(y, y + 256) for y in range(0, len(mask), 256))
 
 
 def cores() -> int:

@@ -51,6 +51,19 @@ def test_mesh_vertices_lie_on_the_pixels_centres():
     assert v[-1].tolist() == [7.5, 0.5, 10.0]
 
 
+@pytest.mark.parametrize("K", [None, np.array([[50.0, 0, 20], [0, 50.0, 20], [0, 0, 1]])])
+def test_a_mesh_of_few_faces_has_some_of_the_pixels_where_they_are(tmp_path, K):
+    row, column = np.mgrid[:41, :43]
+    surface = Surface(1.0 + 0.01 * row + 0.002 * column, np.ones((41, 43), bool), K)
+    whole, few = (
+        trimesh.load(pn.save(surface, tmp_path / f"{most}.ply", most_faces=most), process=False)
+        for most in (10_000, 400)
+    )
+    assert len(whole.faces) == 2 * 40 * 42 and 200 < len(few.faces) <= 400
+    places = {tuple(v) for v in np.asarray(whole.vertices).tolist()}
+    assert all(tuple(v) in places for v in np.asarray(few.vertices).tolist())
+
+
 def test_perspective_vertices_project_back_to_their_pixels():
     K = np.array([[50.0, 0, 4], [0, 60.0, 3], [0, 0, 1]])
     p = vertices(plane(K=K)) * [1, -1, -1]  # the camera's frame: y down, z into the scene

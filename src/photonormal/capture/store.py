@@ -7,6 +7,7 @@ is read from few places. It has no name: nothing is left of it when the process 
 from __future__ import annotations
 
 import logging
+import mmap
 import os
 import shutil
 import tempfile
@@ -61,9 +62,10 @@ class Store:
                 top, left = max(rows.start, y * a), max(columns.start, x * b)
                 bottom, right = min(rows.stop, (y + 1) * a), min(columns.stop, (x + 1) * b)
                 part = blocks[y, x, j, top - y * a : bottom - y * a, left - x * b : right - x * b]
-                if part.shape == found.shape:
+                if part.shape == found.shape and not isinstance(blocks, np.memmap):
                     return part
                 found[top - rows.start : bottom - rows.start, left - columns.start : right - columns.start] = part
+                self._unmap(y, x, j)
         return found
 
     def _put(self, j: int, samples: np.ndarray) -> None:
@@ -73,6 +75,15 @@ class Store:
             for x in range(blocks.shape[1]):
                 part = samples[y * a : (y + 1) * a, x * b : (x + 1) * b]
                 blocks[y, x, j, : part.shape[0], : part.shape[1]] = part
+                self._unmap(y, x, j)
+
+    def _unmap(self, y: int, x: int, j: int) -> None:
+        """Of a scratch file, let go of the memory that shows a block: it would count as this process's."""
+        blocks, drop = self.blocks, getattr(mmap, "MADV_DONTNEED", None)
+        size = blocks[0, 0, 0].nbytes
+        if isinstance(blocks, np.memmap) and drop is not None and size % mmap.PAGESIZE == 0:
+            place = int(np.ravel_multi_index((y, x, j), blocks.shape[:3]))
+            blocks._mmap.madvise(drop, place * size, size)  # pyright: ignore[reportAttributeAccessIssue]
 
     @property
     def blocks(self) -> np.ndarray:

@@ -9,9 +9,11 @@ from jaxtyping import Bool, Float
 
 from photonormal.calibrate.mask import mask_from_shading
 from photonormal.check.finding import Finding
-from photonormal.types import Capture, InputError
+from photonormal.masked import row_bands
+from photonormal.types import Capture, InputError, box_of
 
 PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
+MARGIN = 8  # pixels kept around the mask
 SMALL = 300  # longest side of the pictures that tell motion
 GROUND = 0.15  # of the object's brightness, below which the ground around it is dark
 CAP = 0.995  # quantile of all samples above which they are cut: highlights say nothing of the order
@@ -46,28 +48,40 @@ class Samples:
 def read(capture: Capture) -> Samples:
     """Decode every picture once, in threads."""
     mask = capture.mask
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    box = np.s_[max(0, rows[0] - 8) : rows[-1] + 9, max(0, columns[0] - 8) : columns[-1] + 9]
+    rows, columns = box_of(mask, MARGIN)
+    object_rows, object_columns = box_of(mask)
     step = max(1, int(np.ceil(np.sqrt(mask.sum() / PIXELS))))
-    grid = np.s_[rows[0] :: step, columns[0] :: step]
-    scale = min(1.0, SMALL / max(mask[box].shape))
+    grid = np.s_[object_rows.start :: step, object_columns.start :: step]
+    scale = min(1.0, SMALL / max(mask[rows, columns].shape))
+    bands = row_bands(np.ones((rows.stop - rows.start, columns.stop - columns.start), bool))
     kind = np.dtype(getattr(capture.images, "dtype", np.float32))
 
-    def one(j: int, image: np.ndarray) -> tuple[np.ndarray, float, float, float, np.ndarray, int]:
-        inside = image[mask]  # (p, c)
+    def one(j: int) -> tuple[np.ndarray, float, float, float, np.ndarray, int]:
         white = np.inf if capture.saturation is None else capture.saturation[j]
         full = 1.0 if capture.saturation is None else float(np.mean(capture.saturation[j]))
-        grey = image.mean(-1)
+        grey = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+        saturated, zero, on_grid = 0.0, 0.0, []
+        for band in bands:
+            at = slice(rows.start + band.start, rows.start + band.stop)
+            image = capture.window(j, at, columns)
+            inside = image[mask[at, columns]]  # (q, c)
+            saturated += float((inside >= white * (1 - 1e-5)).mean(1).sum())
+            zero += float((inside <= 0).mean(1).sum())
+            np.mean(image, axis=-1, out=grey[band])
+            first = (object_rows.start - at.start) % step, object_columns.start - columns.start
+            some = np.s_[first[0] :: step, first[1] :: step]
+            on_grid.append(image[some][mask[at, columns][some]])
+        inside, count = np.concatenate(on_grid), int(mask.sum())
         return (
-            grey[grid][mask[grid]],
-            float((inside >= white * (1 - 1e-5)).mean()),
-            float((inside <= 0).mean()),
+            inside.mean(-1),
+            saturated / count,
+            zero / count,
             float(np.median(inside)) / full,
-            _small(grey[box], scale),
+            _small(grey, scale),
             _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
         )
 
-    I, saturated, zero, level, small, bits = zip(*capture.map_images(one), strict=True)
+    I, saturated, zero, level, small, bits = zip(*capture.each_image(one), strict=True)
     levels = np.stack(I, axis=-1).astype(np.float64)
     return Samples(
         np.minimum(levels, np.quantile(levels, CAP)),

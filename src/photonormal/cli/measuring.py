@@ -12,7 +12,8 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from photonormal.cli.kinds import File, Where, next_step, warn
 from photonormal.cli.photographs import Photographs, Read
-from photonormal.options import Frame, Precision
+from photonormal.export.mesh import FACES
+from photonormal.options import Count, Frame, Precision
 from photonormal.solve import DEFAULT, METHODS, method_class, parse
 
 
@@ -38,6 +39,8 @@ class Written:
 
     mesh: bool = True
     """Write depth and mesh."""
+    mesh_faces: Count = FACES
+    """About how many triangles the mesh has at most; of a larger one, every second, third ... row and column stay."""
     expected_error: bool = True
     """Tell how far each normal is expected to be off."""
     normals_frame: Frame = "opengl"
@@ -86,7 +89,12 @@ class Measure:
                 precision=by.precision,
             )
             report = write_result(
-                result, folder, written.normals_frame, told(self.capture, how, capture), written.linear_albedo
+                result,
+                folder,
+                written.normals_frame,
+                told(self.capture, how, capture),
+                linear_albedo=written.linear_albedo,
+                most_faces=written.mesh_faces,
             )
         warn(report["warnings"])
         if written.json:
@@ -97,6 +105,8 @@ class Measure:
             f"{report['pixels']['measured']} normals from {report['lights']} photographs by {report['method']} "
             f"in {seconds:.1f} s: {self.out}"
         )
+        if report.get("mesh", {}).get("every", 1) > 1:
+            print(f"the mesh has one of {report['mesh']['every']} rows and columns, see --mesh-faces")
         if "score" in report:
             print(f"mean angular error {report['score']['mean_deg']:.2f} degrees against the true normals")
         next_step("view", self.out)

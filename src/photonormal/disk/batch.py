@@ -60,7 +60,7 @@ class Batch:
                 path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
-    def write(self, name: str, data: bytes) -> None:
+    def write(self, name: str, data: bytes | memoryview) -> None:
         """Write one of the files; from any thread, but RuntimeError once the batch has ended."""
         with self._turn:
             if self._ended:
@@ -186,7 +186,7 @@ def _told(batch: Batch) -> Iterator[None]:
         raise unwritable(batch.folder, error, batch.after) from None
 
 
-def write(path: Path, data: bytes) -> None:
+def write(path: Path, data: bytes | memoryview) -> None:
     """Write one file into a folder that exists: a reader never sees half of it."""
     if not path.parent.is_dir():
         raise unwritable(path, FileNotFoundError(errno.ENOENT, ""))

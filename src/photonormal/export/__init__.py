@@ -22,6 +22,7 @@ def save(
     albedo: np.ndarray | None = None,
     frame: str = "opengl",
     mm_per_px: float | None = None,
+    most_faces: int = 2_000_000,
 ) -> Path:
     """Write normals or a surface to one file; whole or not at all.
 
@@ -35,6 +36,8 @@ def save(
     albedo : (h, w, 3) in [0, 1], linear: vertex colours of a mesh
     frame : of the normals in the file, a key of photonormal.geometry.FRAMES; a mesh keeps ours
     mm_per_px : width of a pixel (at the mean depth of a perspective view): depth, heights and meshes are in mm then
+    most_faces : of a mesh, about; where every pixel for a vertex would make more, those of every second, third ... row
+        and column are
 
     Returns
     -------
@@ -45,7 +48,7 @@ def save(
     path = Path(path)
     if not isinstance(result, Surface):
         result = as_normals(result)
-    write(path, encoded(result, path.name, normals, albedo, frame, mm_per_px))
+    write(path, encoded(result, path.name, normals, albedo, frame, mm_per_px, most_faces))
     return path
 
 
@@ -56,7 +59,8 @@ def encoded(
     albedo: np.ndarray | None = None,
     frame: str = "opengl",
     mm_per_px: float | None = None,
-) -> bytes:
+    most_faces: int = 2_000_000,
+) -> bytes | memoryview:
     """The bytes of a file of that name, as `save` writes it."""
     from photonormal.export import heights, mesh, normal_maps
 
@@ -69,7 +73,7 @@ def encoded(
         return normal_maps.WRITERS[suffix](result, frame)
     if suffix in heights.FORMATS:
         return heights.encode(result, suffix, mm_per_px)
-    return mesh.encode(result, suffix, normals, albedo, mm_per_px)
+    return mesh.encode(result, suffix, normals, albedo, mm_per_px, most_faces)
 
 
 def load_normals(

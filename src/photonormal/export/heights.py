@@ -17,7 +17,7 @@ from photonormal.types import InputError, Surface
 FORMATS = (".npz", ".png", ".tif", ".tiff", ".exr")
 
 
-def encode(surface: Surface, suffix: str, mm_per_px: float | None) -> bytes:
+def encode(surface: Surface, suffix: str, mm_per_px: float | None) -> bytes | memoryview:
     """The bytes of depth (.npz), or of heights towards the camera as a picture: .exr holds them as they are, .png and
     .tif from the lowest (0) to the highest (65535); what lies outside the mask is as low as the lowest."""
     if suffix == ".npz":
@@ -46,7 +46,7 @@ def heights_px(surface: Surface) -> Float[np.ndarray, "h w"]:
     return depth if surface.K is None else (1 - depth) * surface.K[0, 0]
 
 
-def depth_npz(surface: Surface, mm_per_px: float | None = None) -> bytes:
+def depth_npz(surface: Surface, mm_per_px: float | None = None) -> memoryview:
     """`depth` float32 (h, w), NaN outside; `mask` bool (h, w); `K` (3, 3) of a perspective view; with `mm_per_px`,
     which is in the file then, depth is in millimetres."""
     buffer = io.BytesIO()
@@ -55,7 +55,7 @@ def depth_npz(surface: Surface, mm_per_px: float | None = None) -> bytes:
         about["mm_per_px"] = np.array(mm_per_px)
     depth = (surface.depth * scale_of(surface, mm_per_px)).astype(np.float32)
     np.savez(buffer, allow_pickle=False, depth=depth, mask=surface.mask, **about)
-    return buffer.getvalue()
+    return buffer.getbuffer()
 
 
 def read_depth(path: Path) -> Surface:

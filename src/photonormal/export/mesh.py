@@ -10,17 +10,18 @@ from jaxtyping import Float, Int
 from photonormal.srgb import from_linear
 from photonormal.types import InputError, Normals, Surface
 
+FACES = 2_000_000  # triangles of a mesh at most, unless said
 FORMATS = (".ply", ".obj", ".glb", ".stl")
 BLOCK = 2**16  # rows that become text at a time
 
 
-def vertices(surface: Surface) -> Float[np.ndarray, "v 3"]:
-    """Positions of the mask's pixels, row by row: x right, y up, z to the camera.
+def vertices(surface: Surface, step: int = 1) -> Float[np.ndarray, "v 3"]:
+    """Positions of the mask's pixels in every `step`-th row and column, row by row: x right, y up, z to the camera.
 
     Orthographic: in pixels from the picture's lower left corner. Perspective: in the depth's unit from the camera.
     """
-    row, column = np.nonzero(surface.mask)
-    depth = surface.depth[surface.mask].astype(np.float64)
+    row, column = step * np.array(np.nonzero(surface.mask[::step, ::step]))
+    depth = surface.depth[row, column].astype(np.float64)
     if surface.K is None:
         return np.stack([column + 0.5, surface.mask.shape[0] - row - 0.5, depth], axis=-1)
     ray = np.linalg.solve(surface.K, np.stack([column, row, np.ones_like(row)]).astype(np.float64))  # x right, y down
@@ -42,22 +43,38 @@ def faces(mask: np.ndarray) -> Int[np.ndarray, "f 3"]:
     return np.concatenate(triangles)
 
 
+def step_for(surface: Surface, most_faces: int) -> int:
+    """Rows and columns between the vertices of a mesh of about `most_faces` triangles at most."""
+    return max(1, int(np.ceil(np.sqrt(2 * np.count_nonzero(surface.mask) / most_faces))))
+
+
 def encode(
-    surface: Surface, suffix: str, normals: Normals | None, albedo: np.ndarray | None, mm_per_px: float | None
-) -> bytes:
+    surface: Surface,
+    suffix: str,
+    normals: Normals | None,
+    albedo: np.ndarray | None,
+    mm_per_px: float | None,
+    most_faces: int = FACES,
+) -> bytes | memoryview:
     """The bytes of a mesh; it leaves out pixels without depth.
+
+    Every pixel is a vertex; where that makes more than about `most_faces` triangles, those of every second, third ...
+    row and column are.
 
     Every kind but .stl holds vertex normals, and colours where `albedo` is given: sRGB, linear in .glb as glTF wants
     them. .obj and .glb hold the picture's coordinates, too: 0, 0 is its lower left corner, 1, 1 its upper right one.
     """
-    keep = surface.mask & np.isfinite(surface.depth)
-    if not keep.any():
+    known = surface.mask & np.isfinite(surface.depth)
+    if not known.any():
         raise InputError("the surface holds no depth; integrate normals that are known somewhere.")
-    points = vertices(Surface(surface.depth, keep, surface.K)) * scale_of(surface, mm_per_px)
-    N = None if normals is None else normals.map[keep].astype(np.float64)
-    linear = None if albedo is None else albedo[keep]
+    step = step_for(surface, most_faces)
+    some = np.s_[::step, ::step]
+    keep = known[some]
+    points = vertices(Surface(surface.depth, known, surface.K), step) * scale_of(surface, mm_per_px)
+    N = None if normals is None else normals.map[some][keep].astype(np.float64)
+    linear = None if albedo is None else albedo[some][keep]
     if suffix == ".obj":
-        return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(keep))
+        return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(known, step))
     import trimesh
     from trimesh.visual import ColorVisuals, TextureVisuals
     from trimesh.visual.material import PBRMaterial
@@ -65,14 +82,14 @@ def encode(
     colours = linear if linear is None or suffix == ".glb" else display(linear)
     mesh = trimesh.Trimesh(points, faces(keep), vertex_normals=N, process=False, validate=False)
     if suffix == ".glb":
-        mesh.visual = look = TextureVisuals(coordinates(keep), PBRMaterial())
+        mesh.visual = look = TextureVisuals(coordinates(known, step), PBRMaterial())
         if colours is not None:
             look.vertex_attributes["color"] = _with_alpha(np.rint(255 * np.nan_to_num(colours).clip(0, 1)))
     elif colours is not None and suffix != ".stl":
         mesh.visual = ColorVisuals(mesh, vertex_colors=colours)
     buffer = io.BytesIO()
     mesh.export(buffer, file_type=suffix[1:])
-    return buffer.getvalue()
+    return buffer.getbuffer()
 
 
 def scale_of(surface: Surface, mm_per_px: float | None) -> float:
@@ -82,9 +99,9 @@ def scale_of(surface: Surface, mm_per_px: float | None) -> float:
     return mm_per_px if surface.K is None else float(surface.K[0, 0]) * mm_per_px
 
 
-def coordinates(mask: np.ndarray) -> Float[np.ndarray, "v 2"]:
-    """Places of the mask's pixels in the picture: x to the right, y up, both from 0 to 1."""
-    row, column = np.nonzero(mask)
+def coordinates(mask: np.ndarray, step: int = 1) -> Float[np.ndarray, "v 2"]:
+    """Places of the pixels of `vertices` in the picture: x to the right, y up, both from 0 to 1."""
+    row, column = step * np.array(np.nonzero(mask[::step, ::step]))
     h, w = mask.shape
     return np.stack([(column + 0.5) / w, 1 - (row + 0.5) / h], axis=-1)
 

@@ -19,6 +19,7 @@ from photonormal.files.matlab import read_mat, shapes_of
 from photonormal.files.opening import read_npz
 from photonormal.files.remarks import remark
 from photonormal.geometry import FRAMES, from_frame, in_frame, known_frame
+from photonormal.masked import row_bands
 from photonormal.png import encode_png, text
 from photonormal.types import InputError, Normals
 
@@ -27,8 +28,9 @@ FRAME = "photonormal-frame"  # the remark in a file that tells the frame of its 
 
 def png(normals: Normals, frame: str) -> bytes:
     """16-bit RGB, (n + 1) / 2; black outside the mask."""
-    value = np.rint((in_frame(normals.map, frame) + 1) * 32767.5).astype(np.uint16)
-    value[~normals.mask] = 0
+    value = np.zeros(normals.map.shape, np.uint16)
+    for rows in row_bands(normals.mask):
+        value[rows] = np.rint((in_frame(normals.map[rows], frame) + 1) * 32767.5) * normals.mask[rows, :, None]
     return encode_png(value, text(FRAME, frame))
 
 
@@ -50,7 +52,7 @@ def encode_exr(channels: dict[str, np.ndarray], header: dict[str, str] | None = 
         return Path(file).read_bytes()
 
 
-def npz(normals: Normals, frame: str) -> bytes:
+def npz(normals: Normals, frame: str) -> memoryview:
     """`normals` float32 (h, w, 3), `mask` bool (h, w) and, where known, `expected_error_deg` float32 (h, w); `axes`,
     the frame's as photonormal.geometry.FRAMES has them, where it is not ours."""
     arrays = {"normals": in_frame(normals.map, frame), "mask": normals.mask}
@@ -60,7 +62,7 @@ def npz(normals: Normals, frame: str) -> bytes:
         arrays["axes"] = np.array(FRAMES[frame], np.int8)
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-    return buffer.getvalue()
+    return buffer.getbuffer()
 
 
 WRITERS = {".png": png, ".exr": exr, ".npz": npz}

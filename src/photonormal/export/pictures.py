@@ -12,41 +12,51 @@ from photonormal.files.decode import decode, full_scale
 from photonormal.files.remarks import is_srgb
 from photonormal.score import SCALE_DEG
 from photonormal.srgb import to_linear
-from photonormal.types import InputError, Normals, box_of
+from photonormal.types import InputError, Normals
 
 PREVIEW_HEIGHT = 480  # pixels; larger frames are reduced to it
 MARGIN = 4  # pixels around the object in a preview
 
 
 def preview(
-    photograph: np.ndarray, normals: Normals, albedo: np.ndarray, error: np.ndarray | None = None
+    photograph: np.ndarray,
+    normals: Normals,
+    albedo: np.ndarray,
+    white: float,
+    error: np.ndarray | None,
+    box: tuple[slice, slice],
 ) -> np.ndarray:
     """One 8-bit RGB picture: photograph, normals, relit from the upper left, albedo and, if given, the error map.
 
-    `photograph` is linear (h, w, 1 or 3) with the object's brightest parts near 1, `albedo` (h, w, 3) in [0, 1],
-    `error` (h, w, 3) 8-bit. Cut to the object's box; each part stands under its name.
+    All are reduced first, so that large frames take no memory. `photograph` is linear (h, w, 1 or 3), cut to the `box`
+    of the frame that is shown; `albedo` (h, w, 3) is linear and shown white at `white`; `error` (h, w, 3) 8-bit. Each
+    part stands under its name.
     """
-    box = box_of(normals.mask, MARGIN)
-    normals_picture = np.rint(127.5 * (normals.map + 1)).astype(np.uint8)
-    normals_picture[~normals.mask] = 255
+    image, map, rho = (_reduced(v) for v in (photograph, normals.map[box], albedo[box]))
+    mask = _reduced(normals.mask[box].astype(np.float32)) > 0.5
+    map = np.where(mask[..., None], map / np.linalg.norm(map, axis=-1, keepdims=True).clip(1e-6), 0)
+    image = image.reshape(*mask.shape, -1)
+    image = image / max(float(np.quantile(image[mask], 0.99)), 1e-6)
     panels = {
-        "photograph": display(np.broadcast_to(photograph, normals.map.shape))[box],
-        "normals": normals_picture[box],
-        "relit": relit(normals)[box],
-        "albedo": _on_white(display(albedo), normals.mask)[box],
+        "photograph": display(np.broadcast_to(image, map.shape)),
+        "normals": _on_white(np.rint(127.5 * (map + 1)).astype(np.uint8), mask),
+        "relit": relit(map, mask),
+        "albedo": _on_white(display(rho / white), mask),
     }
     if error is not None:
-        panels[f"error, 0 to {SCALE_DEG:g} deg"] = error[box]
-    shown = [labelled(_reduced(panel), name) for name, panel in panels.items()]
+        panels[f"error, 0 to {SCALE_DEG:g} deg"] = _reduced(error[box])
+    shown = [labelled(panel, name) for name, panel in panels.items()]
     gap = np.full((shown[0].shape[0], 6, 3), 255, np.uint8)
     return np.concatenate([part for panel in shown for part in (panel, gap)][:-1], axis=1)
 
 
-def _reduced(panel: np.ndarray) -> np.ndarray:
+def _reduced(picture: np.ndarray) -> np.ndarray:
+    """The picture at a height of PREVIEW_HEIGHT at most."""
     import cv2
 
-    scale = PREVIEW_HEIGHT / panel.shape[0]
-    return panel if scale >= 1 else cv2.resize(panel, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    scale = PREVIEW_HEIGHT / len(picture)
+    picture = np.ascontiguousarray(picture)
+    return picture if scale >= 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 
 def read_colours(path: Path, frame: tuple[int, int]) -> np.ndarray:
@@ -74,10 +84,10 @@ def read_albedo(path: Path) -> np.ndarray:
     return to_linear(level) if is_srgb(path) else level
 
 
-def relit(normals: Normals, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:
+def relit(map: np.ndarray, mask: np.ndarray, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:
     """A matt white surface with these normals under one light: the quickest check that they are the right way round."""
     direction = np.array(light, np.float32) / np.linalg.norm(light)
-    return _on_white(display(np.repeat((normals.map @ direction)[..., None], 3, axis=-1)), normals.mask)
+    return _on_white(display(np.repeat((map @ direction)[..., None], 3, axis=-1)), mask)
 
 
 def _on_white(picture: np.ndarray, mask: np.ndarray) -> np.ndarray:

@@ -13,11 +13,16 @@ from photonormal.disk import Batch
 from photonormal.export import encoded
 from photonormal.export.folder import report
 from photonormal.export.labels import with_scale
-from photonormal.export.mesh import display
-from photonormal.export.pictures import preview
+from photonormal.export.mesh import FACES, display, step_for
+from photonormal.export.pictures import MARGIN, preview
+from photonormal.masked import taken
 from photonormal.png import SRGB, encode_png
 from photonormal.score import colours, error_picture
-from photonormal.types import Normals, Result, Surface, cores
+from photonormal.types import Normals, Result, Surface, box_of, cores
+
+LARGE = 2**22  # pixels of a frame above which one file is written after the other, to bound the memory
+ENOUGH = 2**20  # pixels that tell what is brightest
+ROWS = 256  # of a picture made at a time
 
 
 def write_result(
@@ -26,62 +31,79 @@ def write_result(
     frame: str = "opengl",
     read: dict[str, Any] | None = None,
     linear_albedo: bool = False,
+    most_faces: int = FACES,
 ) -> dict[str, Any]:
-    """Write a result into a folder, all files at the same time; returns the report, as written.
+    """Write a result into a folder, small files at the same time; returns the report, as written.
 
     normals.png and normals.npz, albedo.png, depth.npz and mesh.ply (where depth was found), preview.png,
     expected-error.png, error.png (where the truth is known) and report.json. `frame` is that of normals.png, a key of
     photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
     `photonormal.capture.told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
+    The mesh has about `most_faces` triangles at most, and is in millimetres where the capture tells a pixel's width.
     """
     start = time.perf_counter()
-    normals, surface = result.normals, result.surface
+    normals, surface, white = result.normals, result.surface, brightest(result)
+    unit = None if result.capture.camera is None else result.capture.camera.mm_per_px
+    told: dict[str, Any] = {"normals_png_frame": frame}
 
     def write(name: str, what: Normals | Surface, **how: Any) -> Callable[[], None]:
         return lambda: folder.write(name, encoded(what, name, **how))
 
+    def mesh() -> None:
+        assert surface is not None
+        shown = None if result.albedo is None else result.albedo / white
+        data = encoded(surface, "mesh.ply", normals, shown, mm_per_px=unit, most_faces=most_faces)
+        folder.write("mesh.ply", data)
+
     jobs = [
-        lambda: pictures(result, folder, linear_albedo),
+        lambda: pictures(result, folder, white, linear_albedo),
         write("normals.png", normals, frame=frame),
         write("normals.npz", normals),
     ]
     if surface is not None:
-        jobs.append(write("depth.npz", surface))
-        jobs.insert(0, write("mesh.ply", surface, normals=normals, albedo=shown_albedo(result)))
-    with ThreadPoolExecutor(cores()) as pool:
+        jobs += [mesh, write("depth.npz", surface)]
+        told["mesh"] = {"mm": unit is not None, "every": step_for(surface, most_faces)}
+    with ThreadPoolExecutor(cores() if normals.mask.size < LARGE else 1) as pool:
         for job in [pool.submit(job) for job in jobs]:
             job.result()
-    seconds = {**result.report["seconds"], "export": round(time.perf_counter() - start, 4)}
-    return report(folder, result.report | (read or {}) | {"normals_png_frame": frame, "seconds": seconds})
+    told["seconds"] = {**result.report["seconds"], "export": round(time.perf_counter() - start, 4)}
+    return report(folder, result.report | (read or {}) | told)
 
 
-def shown_albedo(result: Result) -> np.ndarray | None:
-    """The albedo (h, w, 3) over what is brightest on the object; None where it was not found."""
+def brightest(result: Result) -> float:
+    """The albedo that is shown white: what is brightest on the object, highlights aside."""
     if result.albedo is None:
-        return None
-    return result.albedo / (float(np.quantile(result.albedo[result.normals.mask], 0.99)) or 1.0)
+        return 1.0
+    values = taken(result.albedo, result.normals.mask)
+    return float(np.quantile(values[:: max(1, len(values) // ENOUGH)], 0.99)) or 1.0
 
 
-def pictures(result: Result, folder: Batch, linear_albedo: bool = False) -> None:
+def pictures(result: Result, folder: Batch, white: float, linear_albedo: bool = False) -> None:
     """albedo.png, sRGB-encoded unless it is to be linear, preview.png, maps of true and expected errors where known."""
-    capture, normals, albedo = result.capture, result.normals, shown_albedo(result)
+    capture, normals, albedo = result.capture, result.normals, result.albedo
     error = error_picture(normals, capture.truth) if capture.truth is not None else None
     if albedo is not None:
-        if linear_albedo:
-            shown = encode_png(np.rint(65535 * albedo.clip(0, 1)).astype(np.uint16))
-        else:
-            shown = encode_png(display(albedo, full=65535), SRGB)
-        folder.write("albedo.png", shown)
-        folder.write("preview.png", encode_png(preview(photograph(result), normals, albedo, error)))
+        folder.write("albedo.png", albedo_png(albedo, white, linear_albedo))
+        box = box_of(normals.mask, MARGIN)
+        shown = preview(photograph(result, box), normals, albedo, white, error, box)
+        folder.write("preview.png", encode_png(shown))
     if error is not None:
         folder.write("error.png", encode_png(with_scale(error)))
     if normals.expected_error_deg is not None:
         folder.write("expected-error.png", encode_png(with_scale(colours(normals.expected_error_deg))))
 
 
-def photograph(result: Result) -> np.ndarray:
-    """The photograph (h, w, c) under the light nearest to the camera, which shows most; linear, at most about 1."""
+def albedo_png(albedo: np.ndarray, white: float, linear: bool) -> bytes:
+    """16-bit, `white` and what is above it white."""
+    level = np.empty(albedo.shape, np.uint16)
+    for y in range(0, len(albedo), ROWS):
+        part = albedo[y : y + ROWS] / white
+        level[y : y + ROWS] = np.rint(65535 * part.clip(0, 1)) if linear else display(part, full=65535)
+    return encode_png(level, None if linear else SRGB)
+
+
+def photograph(result: Result, box: tuple[slice, slice]) -> np.ndarray:
+    """A part of the photograph (h, w, c) under the light nearest to the camera, which shows most; linear."""
     capture = result.capture
     lights = capture.lights if result.lights is None else result.lights
-    image = capture.images[0 if lights is None else int(np.argmax(lights[:, 2]))]
-    return image / max(float(np.quantile(image[capture.mask], 0.99)), 1e-6)
+    return capture.window(0 if lights is None else int(np.argmax(lights[:, 2])), *box)

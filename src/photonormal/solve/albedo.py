@@ -7,9 +7,9 @@ import threading
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from photonormal.masked import row_bands, taken
 from photonormal.solve.engine import plan
 from photonormal.solve.engine.near import seen_as_distant
-from photonormal.solve.engine.samples import row_bands
 from photonormal.types import Capture, Normals, box_of
 
 
@@ -19,11 +19,11 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
     Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1). Highlights brighten it.
     """
     capture = seen_as_distant(capture, normals)
-    solved = normals.mask[capture.mask]
+    solved = taken(normals.mask, capture.mask)
     columns = box_of(capture.mask)[1]
     albedo = np.zeros(normals.map.shape, np.float32)
     first = 0
-    for rows in row_bands(capture, plan.pixels(capture)):
+    for rows in row_bands(capture.mask, plan.pixels(capture)):
         on = normals.mask[rows, columns]
         N = normals.map[rows, columns][on]  # (p, 3)
         count = int(capture.mask[rows, columns].sum())

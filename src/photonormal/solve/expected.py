@@ -19,6 +19,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.masked import on_map, taken
 from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.solve import name_of, options_of
 from photonormal.solve.classical.trimmed import Trimmed
@@ -62,6 +63,9 @@ PRODUCTS = (  # that are terms, too
 )
 FITTED = 3, 100  # images of the scenes that calibrations were fitted to
 EVERY, SPARSEST = 2**16, 4  # pixels up to which each one's error is found; rows and columns between them at most
+LARGEST = 2**22  # pixels whose evidence is held; of larger objects so many
+LEAST_TOLD = 0.1  # degrees that a method tells: less says nothing
+ROWS = 256  # of a map made at a time
 PIXELS = 2**20  # whose terms are held at a time
 DIM = Trimmed(lowest=0.0, highest=0.35)
 
@@ -75,26 +79,32 @@ def with_expected_error(
     `capture` is the one that was solved, or that one with its near lamps evened out
     (`photonormal.solve.engine.near.seen_as_distant`), which saves doing it again.
     """
-    told = None if solution.told_deg is None else solution.told_deg.numpy()[normals.mask[capture.mask]]
+    told = solution.told_deg
+    told_map = None if told is None else on_map(told.numpy(), capture.mask, np.nan)
     calibration = calibration_of(method)
     if calibration is None:
-        if told is None:
-            return normals
-        return replace(normals, expected_error_deg=_on_map(told, normals.mask))
-    step = grid_step(int(normals.mask.sum())) if method.needs.reads == "pixels" else 1
+        return normals if told_map is None else replace(normals, expected_error_deg=told_map)
+    step = grid_step(int(normals.mask.sum()), method.needs.reads == "pixels")
     some = np.zeros_like(normals.mask)
     some[::step, ::step] = normals.mask[::step, ::step]
     if not some.any():
         some, step = normals.mask, 1
-    told_map = None if told is None else _on_map(told, normals.mask)
     F = evidence_of(seen_as_distant(capture, normals), normals, device, told_map, some)
-    found = _on_map(calibration(F.cpu().numpy()), some)
-    return replace(normals, expected_error_deg=found if step == 1 else between(found, normals.mask, step))
+    found = on_map(calibration(F.cpu().numpy()), some, np.nan)
+    if step == 1:
+        return replace(normals, expected_error_deg=found)
+    if told_map is None:
+        return replace(normals, expected_error_deg=between(found, normals.mask, step))
+    told_map = told_map.clip(LEAST_TOLD)  # it differs from pixel to pixel; how far to trust it does not
+    return replace(normals, expected_error_deg=told_map * between(found / told_map, normals.mask, step))
 
 
-def grid_step(pixels: int) -> int:
-    """Rows and columns between the pixels whose errors are found apart, so that this costs less than any method."""
-    return min(SPARSEST, int(np.ceil(np.sqrt(pixels / EVERY))))
+def grid_step(pixels: int, fast: bool) -> int:
+    """Rows and columns between the pixels whose errors are found apart.
+
+    So that this costs less than a fast method; else so that what is known of them all at once fits into the memory.
+    """
+    return min(SPARSEST, int(np.ceil(np.sqrt(pixels / EVERY)))) if fast else int(np.ceil(np.sqrt(pixels / LARGEST)))
 
 
 def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "h w"]:
@@ -106,15 +116,16 @@ def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step
     nearest: Any = distance_transform_edt(np.isnan(small), return_distances=False, return_indices=True)
     logs = np.log(small[tuple(nearest)]).astype(np.float32)
     h, w = mask.shape
-    y, x = np.mgrid[:h, :w].astype(np.float32) / step
-    full = np.exp(cv2.remap(logs, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-    return np.where(mask, full, np.nan).astype(np.float32)
-
-
-def _on_map(values: Float[np.ndarray, " p"], mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    found = np.full(mask.shape, np.nan, np.float32)
-    found[mask] = values
-    return found
+    full = np.empty(mask.shape, np.float32)
+    for top in range(0, h, ROWS):
+        rows = slice(top, min(top + ROWS, h))
+        y, x = np.mgrid[rows, :w].astype(np.float32) / np.float32(step)
+        first = top // step
+        part = logs[first : rows.stop // step + 2]  # between which these rows lie
+        full[rows] = cv2.remap(part, x, y - np.float32(first), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    np.exp(full, out=full)
+    full[~mask] = np.nan
+    return full
 
 
 def evidence_of(
@@ -126,9 +137,9 @@ def evidence_of(
 ) -> Float[Tensor, "p k"]:
     """`Evidence` of every pixel that has a normal, or of some of them, and what the method tells itself."""
     some = normals.mask if some is None else some
-    chosen = some[capture.mask]
+    chosen = taken(some, capture.mask)
     L = all_lights(capture, device, torch.float32)
-    N, v = torch.from_numpy(normals.map[some]).to(device), to_camera(capture, some).to(device)
+    N, v = torch.from_numpy(taken(normals.map, some)).to(device), to_camera(capture, some).to(device)
     parts, done = [], 0
     for I, first, levels, _ in bands(capture, L):
         here = np.flatnonzero(chosen[first : first + len(I)])
@@ -144,7 +155,7 @@ def evidence_of(
     bright = np.quantile(level.cpu().numpy(), 0.9)
     level.copy_((level - bright).clamp(min=np.log(1e-2)))
     if told_deg is not None:
-        F[:, EVIDENCE.index("told")] = logarithm(torch.from_numpy(told_deg[some]).to(F), 0.1)
+        F[:, EVIDENCE.index("told")] = logarithm(torch.from_numpy(taken(told_deg, some)).to(F), LEAST_TOLD)
     return F
 
 

@@ -10,6 +10,7 @@ import torch
 import photonormal as pn
 from photonormal import InputError
 from photonormal.geometry import angle_deg
+from photonormal.masked import row_bands
 from photonormal.solve import METHODS, configure
 from photonormal.solve.contract import Needs, Observations, Solution
 from photonormal.solve.engine import on_mask, plan, run, samples, with_lights
@@ -28,7 +29,7 @@ def test_bands_of_rows_and_blocks_of_pixels_change_nothing(method, monkeypatch):
     whole = run(configure(method), capture, CPU).normals
     monkeypatch.setattr(plan, "LEVELS", 10 * 60)
     monkeypatch.setitem(blocks.BLOCK, "cpu", 10 * 7)
-    assert len(samples.row_bands(capture, 60)) > 5
+    assert len(row_bands(capture.mask, 60)) > 5
     assert angle_deg(whole.numpy(), run(configure(method), capture, CPU).normals.numpy()).max() < 0.05
 
 
@@ -37,7 +38,7 @@ def test_bands_hold_every_pixel_once(pixels):
     mask = sphere(24).mask
     mask[10:13] = False  # rows without a pixel
     capture = replace(lambertian(sphere(24), ring(9)), mask=mask)
-    parts = [samples.grey_levels(capture, rows) for rows in samples.row_bands(capture, pixels)]
+    parts = [samples.grey_levels(capture, rows) for rows in row_bands(capture.mask, pixels)]
     assert max(map(len, parts)) <= max(pixels, mask.sum(1).max())
     assert torch.equal(torch.cat(parts), samples.grey_levels(capture))
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from photonormal.masked import on_map
 from photonormal.solve.contract import Method, Solution, Solver, Streaming
 from photonormal.types import Capture, Image, Images, InputError, Normals, window_of
 
@@ -63,9 +64,7 @@ def on_mask(solution: Solution, capture: Capture) -> Normals:
     found = (solution.normals.norm(dim=-1) > 0.5).numpy()
     mask = capture.mask.copy()
     mask[capture.mask] = found
-    values = np.zeros((*capture.mask.shape, 3), np.float32)
-    values[capture.mask] = solution.normals.numpy()
-    return Normals(values, mask)
+    return Normals(on_map(solution.normals.numpy(), capture.mask), mask)
 
 
 def with_lights(capture: Capture, solution: Solution) -> Capture:

@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from photonormal.masked import numbered, row_bands
 from photonormal.progress import progress
 from photonormal.solve.contract import Observations, Solution, Solver
 from photonormal.solve.engine import plan
@@ -53,7 +54,7 @@ def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solu
 
 def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:
     """Grey levels (p, n) of some rows, the number of the first pixel, and what is told of the whole capture."""
-    rows = row_bands(capture, plan.pixels(capture))
+    rows = row_bands(capture.mask, plan.pixels(capture))
     I = grey_levels(capture, rows[0])
     step = max(1, int(capture.mask.sum()) * I.shape[1] // READ)
     some = I[::step].clone() if len(rows) == 1 else grey_levels(capture, step=step)
@@ -67,21 +68,11 @@ def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:
 
     first = 0
     for k, span in enumerate(rows):
-        I = I if k == 0 else grey_levels(capture, span)
+        if k:
+            del I  # before the next is read
+            I = grey_levels(capture, span)
         yield I, first, levels, is_metallic
         first += len(I)
-
-
-def row_bands(capture: Capture, pixels: int) -> list[slice]:
-    """Rows of the mask's box, each part with at most so many pixels on the mask, or one row."""
-    rows, columns = box_of(capture.mask)
-    parts, first, held = [], rows.start, 0
-    for y, count in enumerate(capture.mask[rows, columns].sum(1).tolist(), rows.start):
-        if held and held + count > pixels:
-            parts.append(slice(first, y))
-            first, held = y, 0
-        held += count
-    return [*parts, slice(first, rows.stop)]
 
 
 def grey_levels(capture: Capture, rows: slice | None = None, step: int = 1) -> Float[Tensor, "p n"]:
@@ -91,13 +82,21 @@ def grey_levels(capture: Capture, rows: slice | None = None, step: int = 1) -> F
     """
     box = box_of(capture.mask)
     rows = box[0] if rows is None else rows
-    inside = np.flatnonzero(capture.mask[rows, box[1]])[::step]
+    mask = np.zeros_like(capture.mask)
+    mask[rows] = capture.mask[rows]
+    spans = list(numbered(mask))  # a window of a whole frame would be large
+    some = [np.flatnonzero(mask[span, box[1]])[-pixels.start % step :: step] for span, pixels in spans]
+    I = np.empty((sum(map(len, some)), capture.images.shape[0]), np.float32)
 
-    def of_image(j: int) -> np.ndarray:
-        image = capture.window(j, rows, box[1])
-        return grey_samples(image.reshape(-1, image.shape[2]).take(inside, axis=0))
+    def read(j: int) -> None:
+        first = 0
+        for (span, _), inside in zip(spans, some, strict=True):
+            image = capture.window(j, span, box[1])
+            I[first : first + len(inside), j] = grey_samples(image.reshape(-1, image.shape[2]).take(inside, axis=0))
+            first += len(inside)
 
-    return torch.from_numpy(np.stack(capture.each_image(of_image), axis=-1))
+    capture.each_image(read)
+    return torch.from_numpy(I)
 
 
 def pictures(capture: Capture, device: torch.device) -> Float[Tensor, "n c h w"]:

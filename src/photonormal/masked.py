@@ -1,0 +1,52 @@
+"""Values at a mask's pixels, row by row, and the maps that they lie on; a few rows at a time, for large frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Bool, Shaped
+
+PIXELS = 2**20  # taken at a time
+
+
+def row_bands(mask: Bool[np.ndarray, "h w"], pixels: int = PIXELS) -> list[slice]:
+    """Rows that the mask reaches, each part with at most so many pixels on the mask, or one row."""
+    counts = np.count_nonzero(mask, axis=1)
+    inside = np.flatnonzero(counts)
+    if not inside.size:
+        return []
+    parts, first, held = [], int(inside[0]), 0
+    for y, count in enumerate(counts[first : inside[-1] + 1].tolist(), first):
+        if held and held + count > pixels:
+            parts.append(slice(first, y))
+            first, held = y, 0
+        held += count
+    return [*parts, slice(first, int(inside[-1]) + 1)]
+
+
+def numbered(mask: Bool[np.ndarray, "h w"]) -> Iterator[tuple[slice, slice]]:
+    """Some rows after the other, and which of the mask's pixels lie there."""
+    first = 0
+    for rows in row_bands(mask):
+        last = first + int(np.count_nonzero(mask[rows]))
+        yield rows, slice(first, last)
+        first = last
+
+
+def taken(map: Shaped[np.ndarray, "h w ..."], mask: Bool[np.ndarray, "h w"]) -> Shaped[np.ndarray, "p ..."]:
+    """The values at the mask's pixels."""
+    values = np.empty((np.count_nonzero(mask), *map.shape[2:]), map.dtype)
+    for rows, pixels in numbered(mask):
+        values[pixels] = map[rows][mask[rows]]
+    return values
+
+
+def on_map(
+    values: Shaped[np.ndarray, "p ..."], mask: Bool[np.ndarray, "h w"], outside: float = 0
+) -> Shaped[np.ndarray, "h w ..."]:
+    """A map, float32, with these values at the mask's pixels."""
+    map = np.full((*mask.shape, *values.shape[1:]), outside, np.float32)
+    for rows, pixels in numbered(mask):
+        map[rows][mask[rows]] = values[pixels]
+    return map

@@ -1,0 +1,21 @@
+import numpy as np
+
+from photonormal.masked import numbered, on_map, row_bands, taken
+
+
+def test_bands_hold_every_pixel_once_and_few_of_them():
+    mask = np.random.default_rng(0).random((40, 30)) > 0.6
+    mask[:3] = mask[20:24] = False
+    bands = row_bands(mask, 50)
+    assert len(bands) > 5 and all(mask[b].sum() <= 50 for b in bands)
+    assert sum(mask[b].sum() for b in bands) == mask.sum()
+    assert row_bands(np.zeros((4, 4), bool)) == []
+    assert [mask[rows].sum() for rows, _ in numbered(mask)] == [p.stop - p.start for _, p in numbered(mask)]
+
+
+def test_what_is_taken_off_a_map_goes_back_to_its_place():
+    random = np.random.default_rng(1)
+    mask, map = random.random((2000, 900)) > 0.3, random.random((2000, 900, 3)).astype(np.float32)
+    assert np.array_equal(taken(map, mask), map[mask])
+    assert np.array_equal(on_map(taken(map, mask), mask), map * mask[..., None])
+    assert np.isnan(on_map(taken(map[..., 0], mask), mask, np.nan)[~mask]).all()

@@ -28,15 +28,16 @@ def pixels(capture: Capture) -> int:
     return max(width, levels() // n)
 
 
-def side(net: Network, passes: int, rotations: int, device: torch.device) -> int:
+def side(net: Network, passes: int, rotations: int, device: torch.device, box: tuple[int, ...]) -> int:
     """Side of a window without its margins, a multiple of the network's stride; InputError where none fits.
 
-    On a processor it is what the memory allows; other devices have their own.
+    On a processor it is what the memory allows, if a box (h, w) does not fit as a whole; other devices have their own.
     """
     most, margin = SIDE.get(device.type, SIDE["cuda"]), passes * net.reach
-    if device.type == "cpu":
-        held = rotations * SEEN / WINDOW
-        _refuse(int(held * (LEAST + 2 * margin) ** 2), f"a window of {LEAST} pixels with {margin} around it")
+    held = rotations * SEEN / WINDOW
+    if device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
+        least = min((LEAST + 2 * margin) ** 2, box[0] * box[1])
+        _refuse(int(held * least), f"a window of {LEAST} pixels with {margin} around it")
         most = min(most, int((memory.allowed() / held) ** 0.5) - 2 * margin)
     return most // net.stride * net.stride
 

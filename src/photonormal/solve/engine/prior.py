@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.progress import progress
 from photonormal.solve.contract import Prior
 from photonormal.solve.engine import plan
 from photonormal.solve.engine.frames import frames
@@ -54,24 +55,27 @@ def first_look(scaling: str, capture: Capture, box: Box, device: torch.device, p
     N = torch.zeros(3, h, w, device=device)
     lit = torch.zeros(h, w, dtype=torch.bool, device=device)
     moments: list[Tensor] = []
-    for rows in _rows(box, plan.pixels(capture)):
-        seen = rows, slice(0, w)
-        mask = box.mask[seen].to(device)
-        inside = mask.flatten().nonzero()[:, 0]
-        I = torch.empty(len(inside), n if prior else 0, device=device)
-        found: Tensor | None = None
-        for j, images in frames(capture, box, seen, device):
-            level = grey(images)[0, 0, 0]
-            lit[seen] |= level > 0
-            here = moment(scaling, images, mask[None, None])
-            found = here if found is None else found.add_(here)
+    parts = _rows(box, plan.pixels(capture))
+    with progress("a first look", len(parts) * n) as advance:
+        for rows in parts:
+            seen = rows, slice(0, w)
+            mask = box.mask[seen].to(device)
+            inside = mask.flatten().nonzero()[:, 0]
+            I = torch.empty(len(inside), n if prior else 0, device=device)
+            found: Tensor | None = None
+            for j, images in frames(capture, box, seen, device):
+                level = grey(images)[0, 0, 0]
+                lit[seen] |= level > 0
+                here = moment(scaling, images, mask[None, None])
+                found = here if found is None else found.add_(here)
+                if prior:
+                    I[:, j] = level.flatten()[inside]
+                advance()
+            assert found is not None
+            share = mask.sum() / box.mask.sum().to(device)
+            moments.append((found * share).nan_to_num(0) if found.numel() == 1 else found)
             if prior:
-                I[:, j] = level.flatten()[inside]
-        assert found is not None
-        share = mask.sum() / box.mask.sum().to(device)
-        moments.append((found * share).nan_to_num(0) if found.numel() == 1 else found)
-        if prior:
-            N[:, *seen] = _normals(prior, I, box.lights(capture, seen).to(device), mask)
+                N[:, *seen] = _normals(prior, I, box.lights(capture, seen).to(device), mask)
     if not (lit & box.mask.to(device)).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     N /= N.norm(dim=0, keepdim=True).clamp(min=1e-12)

@@ -60,7 +60,7 @@ def measured(
     start = prior_named(net.config.prior if prior is None else prior)
     net = placed(net, device).eval()
     box = Box.of(capture, net.stride)
-    side = -(-side // net.stride) * net.stride if side else plan.side(net, passes, rotations, device)
+    side = -(-side // net.stride) * net.stride if side else plan.side(net, passes, rotations, device, box.mask.shape)
     with torch.inference_mode():
         look = first_look(net.scaling, capture, box, device, start)
         found: Tensor | None = None  # (d, h, w), on the processor

@@ -54,3 +54,9 @@ def test_damaged_ones_have_none(tag):
 @pytest.mark.parametrize("end", [0, 20, 40, 130, 140, 180])
 def test_cut_ones_have_none(end):
     assert read_profile(profile(curv(563))[:end]) is None
+
+
+def test_a_branch_that_is_not_taken_may_overflow():
+    found = read_profile(profile(para(3, 9000, 2, 0, 1, 2)))
+    assert found is not None
+    np.testing.assert_allclose(found.curves[0](X), X)

@@ -154,7 +154,7 @@ def methods(folder: Path) -> None:
     import os
     import subprocess
 
-    run(f"render demo --count 2 --out {folder / 'objects'}")
+    run(f"render objects --count 2 --out {folder / 'objects'}")
     command = [sys.executable, str(Path(__file__).parent / "walks" / "mine.py"), "bench", "diligent"]
     subprocess.run(
         [*command, str(folder / "objects"), "--methods", "all", "--out", str(folder / "runs")],

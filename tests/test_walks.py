@@ -22,7 +22,7 @@ LEFT = {
         "cloth-directx.png",
         "cloth.glb",
     ),
-    "my-method": ("mine-result/report.json", "runs/mine/diligent/demo_0001.npz", "report.html"),
+    "my-method": ("mine-result/report.json", "runs/mine/diligent/objects_0001.npz", "report.html"),
 }
 
 

@@ -153,7 +153,8 @@ def _compare(s: SampleSet, key: str, shape: Shape, usual: Shape, images: int, cr
         )
     if n < images:
         raise InputError(
-            f"sample {key} of {s.root} has {n} pictures but the recipe shows {images}; give a set with more."
+            f"sample {key} of {s.root} has {n} pictures but the recipe shows {images}; give a set with more, "
+            "or take a recipe that shows fewer, such as normalnet-cpu."
         )
     if min(h, w) < crop:
         raise InputError(

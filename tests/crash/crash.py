@@ -23,6 +23,7 @@ from pathlib import Path
 from tests.crash.jobs import JOBS
 from tests.crash.run import Ended, Kill, command, load, run
 
+BEGUN_S = 0.005  # by then the command's first lines have been run, which hear of signals
 SIGNALS = (signal.SIGKILL, signal.SIGINT, signal.SIGTERM)
 
 
@@ -42,7 +43,7 @@ class Crash:
         """One kill, and what is left after it."""
         self.job.before()
         writing = self.kills % 2 == 1
-        after_s, at_call = self.draw.uniform(0, self.whole.processor_s), self.draw.randrange(self.whole.calls)
+        after_s, at_call = self.draw.uniform(BEGUN_S, self.whole.processor_s), self.draw.randrange(self.whole.calls)
         kill = Kill(number, at_call=at_call) if writing else Kill(number, after_s)
         ended = run(self.job.work, kill)
         self.kills += 1

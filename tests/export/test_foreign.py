@@ -230,6 +230,15 @@ class TestRefused:
         found, said = read(path, partial=True)
         assert "75.0 %" in said and not found.mask[: N // 4].any() and found.mask[N // 4 :].all()
 
+    def test_what_is_refused_says_nothing_else(self, tmp_path):
+        picture = encoded(TRUTH.map)
+        picture[..., 2] = np.rint(255 * TRUTH.map[..., 2])  # z from 0, of which a note would tell
+        picture[: N // 4] = [250, 20, 90]
+        path, told = write_picture(tmp_path / "n.png", picture), []
+        assert "of the pixels" in refusal(load_normals, path, tell=told.append) and not told
+        load_normals(path, tell=told.append, partial=True)
+        assert "z from 0 to 1" in " ".join(told)
+
     def test_background_alone(self, tmp_path):
         assert "nothing but background" in refusal(
             load_normals, write_picture(tmp_path / "n.png", np.zeros((9, 9, 3), np.uint8))

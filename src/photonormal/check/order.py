@@ -19,6 +19,8 @@ AT_LEAST = 0.06  # and by how much it has to fall
 EQUAL = 0.02  # misfits that differ by less are the same
 GOOD = 0.4  # misfit that another order has at most
 NEIGHBOURS_DEG = 10.0  # between lights whose exchange changes little
+FEW = 8  # lights of which an exchange of two changes the misfit by more than EQUAL; of more lights, by less
+PARTS = 8  # of the pixels, evenly spread, which have to agree on an order
 TURNS = 24  # rotations about the lights' mean from which a match starts
 DARKEST = 0.2  # of the pixels are left out
 CHANCE = 20  # random orders that tell how bad chance is
@@ -30,6 +32,7 @@ class Orders:
 
     G: Float[np.ndarray, "n n"]
     L: Float[np.ndarray, "n 3"]
+    parts: Float[np.ndarray, "k n n"]  # what some of the pixels each add to G
 
     @classmethod
     def of(cls, I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> Orders:
@@ -37,7 +40,8 @@ class Orders:
         size = np.linalg.norm(I, axis=1)
         J = I[size > np.quantile(size, DARKEST)]
         J = J / np.linalg.norm(J, axis=1, keepdims=True)
-        return cls(J.T @ J / max(len(J), 1), L)
+        parts = np.stack([J[k::PARTS].T @ J[k::PARTS] for k in range(PARTS)]) / max(len(J), 1)
+        return cls(parts.sum(0), L, parts)
 
     def outside(self, order: Int[np.ndarray, " n"]) -> float:
         """Root of the part of all samples that no surface explains."""
@@ -81,26 +85,32 @@ class Orders:
         return chosen
 
     def sure(self, order: Int[np.ndarray, " n"]) -> bool:
-        """Whether no exchange of two lights that are not neighbours leaves the pictures explained as well."""
+        """Whether no exchange of two lights that are not neighbours leaves the pictures explained as well.
+
+        Neither all of them, nor those of any part of the pixels.
+        """
         floor, chance = self.scale()
-        limit = (floor + (self.misfit(order) + EQUAL) * (chance - floor)) ** 2  # of what may be left outside
-        left = self.outside(order) ** 2 - self._gains(order) / np.trace(self.G)
-        return not (np.triu(left < limit, 1) & (self.L @ self.L.T < np.cos(np.radians(NEIGHBOURS_DEG)))).any()
+        equal = EQUAL * min(1.0, FEW / len(order))
+        limit = (floor + (self.misfit(order) + equal) * (chance - floor)) ** 2  # of what may be left outside
+        as_good = self.outside(order) ** 2 - self._gains(order, self.G) / np.trace(self.G) < limit
+        for G in self.parts:
+            as_good |= self._gains(order, G) > 0
+        return not (np.triu(as_good, 1) & (self.L @ self.L.T < np.cos(np.radians(NEIGHBOURS_DEG)))).any()
 
     def climb(self, order: Int[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
         """Swap two pictures as long as that helps, the best swap first."""
         order = order.copy()
         for _ in range(4 * len(order)):
-            gain = self._gains(order)
+            gain = self._gains(order, self.G)
             a, b = divmod(int(gain.argmax()), len(order))
             if gain[a, b] < 1e-9:
                 break
             order[[a, b]] = order[[b, a]]
         return order
 
-    def _gains(self, order: Int[np.ndarray, " n"]) -> Float[np.ndarray, "n n"]:
+    def _gains(self, order: Int[np.ndarray, " n"], G: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
         """By how much tr(P G) grows where two pictures are exchanged."""
-        P, H = self.L @ np.linalg.pinv(self.L), self.G[np.ix_(order, order)]
+        P, H = self.L @ np.linalg.pinv(self.L), G[np.ix_(order, order)]
         PH, p, h = P @ H, np.diag(P), np.diag(H)
         d = np.diag(PH)
         gain = 2 * (PH + PH.T - d[:, None] - d) + (p[:, None] + p - 2 * P) * (h[:, None] + h - 2 * H)

@@ -78,7 +78,11 @@ def read(
     partial: bool,
     tell: Callable[[str], object],
 ) -> Normals:
-    """Normals from a file of one of the endings READ, or from the `normals.npz` of a result folder; in our frame."""
+    """Normals from a file of one of the endings READ, or from the `normals.npz` of a result folder; in our frame.
+
+    `tell` gets what is worth knowing of a file that is read; one that is refused says nothing but why.
+    """
+    notes: list[str] = []
     if channels not in foreign.CHANNELS:
         raise InputError(f"no channels {channels[:40]!r}; choose from {', '.join(foreign.CHANNELS)}.")
     if path.is_dir():
@@ -98,16 +102,21 @@ def read(
     else:
         samples, told, ours = decode_all(path, finite=False), remark(path, FRAME), None
     if told is not None and frame not in (AUTO, told):
-        tell(f"{path}: it says that its frame is {told}, and is read as --frame {frame} nevertheless.")
+        notes.append(f"{path}: it says that its frame is {told}, and is read as --frame {frame} nevertheless.")
     if told is not None and frame == AUTO:
         known_frame(told)
         frame = told
     if mask is not None and mask.shape != samples.shape[:2]:
         raise InputError(f"the mask is {mask.shape} but {path} is {samples.shape[:2]}; give one of its size.")
     if ours is None:
-        return foreign.judged(samples, path, frame, channels, mask, partial, tell)
-    kept = ours.mask if mask is None else ours.mask & mask
-    return Normals(ours.map if frame == AUTO else from_frame(ours.map, frame), kept, ours.expected_error_deg)
+        found = foreign.judged(samples, path, frame, channels, mask, partial, notes.append)
+    else:
+        kept = ours.mask if mask is None else ours.mask & mask
+        values = ours.map if frame == AUTO else from_frame(ours.map, frame)
+        found = Normals(values, kept, ours.expected_error_deg)
+    for note in notes:
+        tell(note)
+    return found
 
 
 def _of_matlab(path: Path) -> np.ndarray:

@@ -172,5 +172,5 @@ def test_the_report_says_what_was_assumed(tmp_path, capsys):
         assert main(["measure", str(path), "--out", str(tmp_path / f"{name}-out"), *arguments]) == 0
         assert ("--srgb" in capsys.readouterr().err) is (name == "silent")
     said = {n: json.loads((tmp_path / f"{n}-out" / "report.json").read_text()) for n in ("silent", "said")}
-    assert said["silent"]["reading"]["encoding"] == "linear (nothing in the files says otherwise)"
-    assert said["said"]["reading"]["encoding"] == "gamma 2.2 (the profile Adobe RGB (1998))"
+    assert said["silent"]["encoding"] == "linear (nothing in the files says otherwise)"
+    assert said["said"]["encoding"] == "gamma 2.2 (the profile Adobe RGB (1998))"

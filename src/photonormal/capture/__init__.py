@@ -125,10 +125,8 @@ def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
 
 
 def told(path: str | Path, how: dict[str, Any], capture: Capture) -> dict[str, Any]:
-    """How a capture was read, for reports: `source`, and under `reading` the options given and how the samples were
-    taken to be encoded; paths are absolute."""
+    """How a capture was read, for reports: its `source`, the options of `load` under `reading`, and the `encoding` that
+    its samples were taken to have; paths are absolute."""
     source = str(Path(path).resolve()) if Path(path).exists() else str(path)
     reading = {key: str(v.resolve()) if isinstance(v, Path) else v for key, v in how.items() if v}
-    if capture.encoding:
-        reading["encoding"] = capture.encoding
-    return {"source": source, "reading": reading}
+    return {"source": source, "reading": reading} | ({"encoding": capture.encoding} if capture.encoding else {})

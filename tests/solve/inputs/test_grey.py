@@ -31,11 +31,11 @@ def test_grey_is_the_luma_of_linear_colours():
     assert levels[:, 0].tolist() == pytest.approx([0.298936, 0.587043, 0.114021])
 
 
-def test_samples_that_are_no_number_count_as_dark():
+def test_samples_that_are_no_number_or_negative_count_as_dark_infinite_ones_as_bright():
     values = np.full((4, 8), 0.5)
     values[0, 0], values[1, 1], values[2, 2], values[3, 3] = np.nan, np.inf, -np.inf, -0.1
     I = grey_levels(capture(values))
-    assert Levels.of(I).cut_(I).diagonal().tolist() == [0, 0, 0, 0]
+    assert Levels.of(I).cut_(I).diagonal().tolist() == [0, 0.5, 0, 0]
 
 
 def test_highlights_are_clipped_at_one_but_bright_captures_are_not_flattened():

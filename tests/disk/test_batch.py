@@ -1,6 +1,7 @@
 import errno
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -242,8 +243,12 @@ def test_ctrl_c_among_the_moves_waits_for_their_end(tmp_path, monkeypatch):
     place(tmp_path, OLD | MINE)
     rename = os.rename
     monkeypatch.setattr(os, "rename", lambda *a: (os.kill(os.getpid(), 2), rename(*a)))
-    with pytest.raises(KeyboardInterrupt):
-        put(tmp_path)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            put(tmp_path)
+    finally:
+        signal.signal(signal.SIGINT, before)
     monkeypatch.undo()
     assert content(tmp_path) == NEW | MINE and not (tmp_path / PARTIAL).exists()
 

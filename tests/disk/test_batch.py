@@ -294,3 +294,15 @@ def test_one_file_needs_its_folder(tmp_path):
         write(tmp_path / "absent" / "a.txt", b"")
     write(tmp_path / os.fsdecode(b"caf\xe9.txt"), b"bytes")
     assert os.listdir(os.fsencode(tmp_path)) == [b"caf\xe9.txt"]
+
+
+def test_processes_that_write_into_one_folder_wait_for_each_other(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from photonormal.disk import at_once\n"
+        "for i in range(40):\n"
+        "    with at_once(Path(sys.argv[1])) as batch:\n"
+        "        batch.write(f'{sys.argv[2]}-{i}', b'x')\n"
+    )
+    running = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), str(k)]) for k in range(3)]
+    assert [process.wait() for process in running] == [0, 0, 0]
+    assert len(content(tmp_path)) == 120

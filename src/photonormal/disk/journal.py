@@ -172,11 +172,11 @@ class Journal:
 def _ours(partial: Path) -> bool:
     """True for a folder that a batch of ours has made, is making or is just removing."""
     if partial.is_symlink() or not partial.is_dir():
-        return False
+        return not os.path.lexists(partial)  # gone since
     journal = partial / NAME
     try:
         if journal.is_symlink() or not journal.is_file():
-            return not any(partial.iterdir())
+            return not any(partial.iterdir()) or (journal.is_file() and not journal.is_symlink())  # made since
         return json.dumps(HEADER).encode().startswith(journal.read_bytes()[:100].partition(b"\n")[0])
     except FileNotFoundError:
         return True

@@ -94,11 +94,9 @@ def test_windows_differ_in_scale_and_place(root):
 
 
 def test_every_sample_comes_once_an_epoch(root, monkeypatch):
-    seen = []
-    monkeypatch.setattr(Disk, "window", lambda self, s, key, g: seen.append(key))
-    monkeypatch.setattr(disk, "stacked", lambda windows, device: None)
-    monkeypatch.setattr(disk, "cores", lambda: 1)
-    batches(root, 7, batch=4)
+    monkeypatch.setattr(Disk, "window", lambda self, s, key, g: key)
+    monkeypatch.setattr(disk, "stacked", lambda windows, device: windows)
+    seen = list(itertools.chain.from_iterable(batches(root, 7, batch=4)))
     trained = (root / "train_mtrl.txt").read_text().split()
     for epoch in range(4):
         assert Counter(seen[7 * epoch : 7 * epoch + 7]) == Counter(trained)
@@ -119,11 +117,9 @@ def test_the_split_is_the_set_s_own(root, monkeypatch):
 
 def test_two_sets_are_learned_from_in_the_proportion_of_their_samples(root, tmp_path, monkeypatch):
     other = write_set(tmp_path / "Sculptures", training=14, validation=1)
-    seen = []
-    monkeypatch.setattr(Disk, "window", lambda self, s, key, g: seen.append(s.name))
-    monkeypatch.setattr(disk, "stacked", lambda windows, device: None)
-    next(Disk([root, other], RECIPE).stream("train", 21, CPU, 0))
-    assert Counter(seen[:21]) == {"Blobs": 7, "Sculptures": 14}
+    monkeypatch.setattr(Disk, "window", lambda self, s, key, g: s.name)
+    monkeypatch.setattr(disk, "stacked", lambda windows, device: windows)
+    assert Counter(next(Disk([root, other], RECIPE).stream("train", 21, CPU, 0))) == {"Blobs": 7, "Sculptures": 14}
 
 
 def run(out, root, recipe=RECIPE, **options):

@@ -31,12 +31,12 @@ from safetensors import safe_open
 
 from photonormal.bench.figures import figure
 from photonormal.capture import load as load_capture
-from photonormal.score import score
-from photonormal.solve.engine import on_mask
-from photonormal.solve.engine.device import torch_device
-from photonormal.solve.engine.stream import measured
-from photonormal.solve.learned.network import Network, parameters
-from photonormal.solve.learned.weights import load
+from photonormal.methods.engine import on_mask
+from photonormal.methods.engine.device import torch_device
+from photonormal.methods.engine.stream import measured
+from photonormal.methods.learned.network import Network, parameters
+from photonormal.methods.learned.weights import load
+from photonormal.scoring import score
 from photonormal.synth import Stream, render
 from photonormal.synth.recipes import MIXTURES, recipe
 from photonormal.train import checkpoint, train

@@ -25,9 +25,9 @@ import torch
 
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
-from photonormal.solve import METHODS, configure
-from photonormal.solve.engine import on_mask, run, samples
-from photonormal.solve.engine.device import torch_device
+from photonormal.methods import METHODS, configure
+from photonormal.methods.engine import on_mask, run, samples
+from photonormal.methods.engine.device import torch_device
 
 PUBLISHED = {  # ball bear buddha cat cow goblet harvest pot1 pot2 reading
     "woodham": "4.10 8.39 14.92 8.41 25.60 18.50 30.62 8.89 14.65 19.80",

@@ -21,10 +21,10 @@ from typing import Any
 import torch
 from classical import print_row
 
-from photonormal.solve.engine.device import torch_device
-from photonormal.solve.learned.network import placed
-from photonormal.solve.learned.processor import computing_in, inner_precision
-from photonormal.solve.learned.weights import build
+from photonormal.methods.engine.device import torch_device
+from photonormal.methods.learned.network import placed
+from photonormal.methods.learned.processor import computing_in, inner_precision
+from photonormal.methods.learned.weights import build
 from photonormal.synth import Stream, render
 from photonormal.train import disk as reading
 from photonormal.train.disk import Disk

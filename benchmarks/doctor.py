@@ -18,8 +18,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from photonormal.check import check
-from photonormal.check.frame import Frame
+from photonormal.doctor import check
+from photonormal.doctor.frame import Frame
 from photonormal.geometry import angle_deg, normalised
 from photonormal.synth import recipe
 from photonormal.synth.lights import draw_lights

@@ -7,7 +7,7 @@ Prints Markdown: pixels sorted by expected error and cut into ten equal parts, m
 degrees, on rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
 in ROOT (`<object>PNG` folders). Methods that solve each pixel by itself are shown every fourth row and column.
 `--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of other materials, under 3 to 100
-lights, and writes `src/photonormal/solve/expected.json`. A method may have options, as in
+lights, and writes `src/photonormal/methods/expected.json`. A method may have options, as in
 `normalnet:weights=mine.safetensors`.
 """
 
@@ -26,11 +26,11 @@ from classical import OBJECTS, in_memory, print_row
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import METHODS, configure, parse
-from photonormal.solve.contract import Solution
-from photonormal.solve.engine import on_mask, run
-from photonormal.solve.engine.near import seen_as_distant
-from photonormal.solve.expected import FILE, FITTED, MadeFor, evidence_of, linear, terms, with_expected_error
+from photonormal.methods import METHODS, configure, parse
+from photonormal.methods.contract import Solution
+from photonormal.methods.engine import on_mask, run
+from photonormal.methods.engine.near import seen_as_distant
+from photonormal.methods.expected import FILE, FITTED, MadeFor, evidence_of, linear, terms, with_expected_error
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 

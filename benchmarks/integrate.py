@@ -19,7 +19,7 @@ import numpy as np
 
 import photonormal as pn
 from photonormal.capture.images import read_mask
-from photonormal.integrate import METHODS
+from photonormal.integration import METHODS
 
 ROWS = {method: (method, {}) for method in METHODS} | {"bilateral (paper)": ("bilateral", {"midpoint": False})}
 OBJECTS = {"bear": 0.334, "cat": 0.074, "reading": 0.257}  # published by BiNI (ECCV 2022) for the bilateral method

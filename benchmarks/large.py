@@ -120,7 +120,7 @@ class Stages:
 
     @contextmanager
     def stage(self, name: str, seconds: dict[str, float]) -> Iterator[None]:
-        """In place of `photonormal.measure._stage`."""
+        """In place of `photonormal.measurement._stage`."""
         _forget_peak()
         start = self.clock()
         yield

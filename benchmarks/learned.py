@@ -19,13 +19,13 @@ from classical import OBJECTS, in_memory, print_row, under
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import configure, method_class
-from photonormal.solve.contract import Method
-from photonormal.solve.engine import on_mask, run
-from photonormal.solve.engine.device import torch_device
+from photonormal.methods import configure, method_class
+from photonormal.methods.contract import Method
+from photonormal.methods.engine import on_mask, run
+from photonormal.methods.engine.device import torch_device
 from photonormal.synth.sensor import corrupt, turned
 
-Table = dict[str, pn.Capture]
+Captures = dict[str, pn.Capture]
 
 
 def errors_deg(found: pn.Normals, truth: pn.Normals) -> np.ndarray:
@@ -39,7 +39,7 @@ def mean_deg(solver: Method, capture: pn.Capture, device: torch.device) -> float
     return float(errors_deg(on_mask(run(solver, capture, device), capture), capture.truth).mean())
 
 
-def options(method: str, given: dict, captures: Table, device: torch.device) -> None:
+def options(method: str, given: dict, captures: Captures, device: torch.device) -> None:
     """Passes, rotations, priors; seconds of all objects together."""
     print_row("options", *captures, "mean", "seconds")
     print_row(*["---"] * (len(captures) + 3))
@@ -55,7 +55,7 @@ def options(method: str, given: dict, captures: Table, device: torch.device) -> 
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]], f"{seconds:.1f}")
 
 
-def few_images(solver: Method, captures: Table, draws: int, device: torch.device) -> None:
+def few_images(solver: Method, captures: Captures, draws: int, device: torch.device) -> None:
     """All images, then random draws of some."""
     print_row("images", "draws", *captures, "mean")
     print_row(*["---"] * (len(captures) + 3))
@@ -98,7 +98,7 @@ FAULTS = {
 }
 
 
-def faults(solver: Method, captures: Table, device: torch.device) -> None:
+def faults(solver: Method, captures: Captures, device: torch.device) -> None:
     """What each fault of a set-up costs."""
     print_row("fault", *captures, "mean")
     print_row(*["---"] * (len(captures) + 2))

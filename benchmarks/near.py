@@ -18,10 +18,10 @@ from functools import partial
 import torch
 
 from photonormal import Capture, Normals, solve
-from photonormal.score import score
-from photonormal.solve import configure
-from photonormal.solve.engine import on_mask, run
-from photonormal.solve.engine.near import evened, surface_mm
+from photonormal.methods import configure
+from photonormal.methods.engine import on_mask, run
+from photonormal.methods.engine.near import evened, surface_mm
+from photonormal.scoring import score
 from photonormal.synth import recipe
 from photonormal.synth.stream import render_block
 from photonormal.types import Camera, Lamps

@@ -22,11 +22,11 @@ import numpy as np
 import torch
 
 from photonormal.geometry import fibonacci_hemisphere
-from photonormal.solve.engine.device import torch_device
-from photonormal.solve.engine.stream import measured
-from photonormal.solve.learned.network import placed
-from photonormal.solve.learned.processor import inner_precision, keep_freed_memory, knows_bf16
-from photonormal.solve.learned.weights import build
+from photonormal.methods.engine.device import torch_device
+from photonormal.methods.engine.stream import measured
+from photonormal.methods.learned.network import placed
+from photonormal.methods.learned.processor import inner_precision, keep_freed_memory, knows_bf16
+from photonormal.methods.learned.weights import build
 from photonormal.train.observe import observe
 from photonormal.train.recipes import recipe
 from photonormal.types import Capture

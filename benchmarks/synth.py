@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from photonormal.synth import Recipe, Stream, recipe
+from photonormal.synth import Rendering, Stream, recipe
 from photonormal.synth.stream import render_block
 
 WHOLE = {"crop": 128, "crops": 1, "lights": (64, 64), "varying": 1.0, "zoom": 0.3, "coverage": 0.1}
@@ -46,7 +46,7 @@ def rate(work: Callable[[int], int], device: torch.device, budget: float) -> tup
 def whole(changes: dict, device: torch.device) -> Callable[[int], int]:
     """Scenes of 128 x 128 pixels under 64 lights."""
     scenes = 16 if device.type == "cpu" else 64
-    made: Recipe = recipe("train", **{**WHOLE, **changes, "scenes": scenes})
+    made: Rendering = recipe("train", **{**WHOLE, **changes, "scenes": scenes})
     return lambda k: len(render_block(made, 0, k, device, scenes).mask)
 
 

@@ -9,7 +9,7 @@ import pytest
 @pytest.fixture(autouse=True)
 def float32(monkeypatch):
     """No bf16 inside networks, whatever the machine is fast with: what is exact is exact to float32's rounding."""
-    from photonormal.solve.learned import processor
+    from photonormal.methods.learned import processor
 
     monkeypatch.setattr(processor, "knows_bf16", lambda device_type: False)
 

@@ -8,7 +8,7 @@ import pytest
 
 import photonormal as pn
 from photonormal.geometry import angle_deg
-from photonormal.solve import METHODS
+from photonormal.methods import METHODS
 from photonormal.types import Capture, Normals, Surface
 from tests.capture.files import refusal
 from tests.scenes import lambertian, ring, sphere

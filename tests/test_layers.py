@@ -1,4 +1,4 @@
-"""Imports run one way: capture -> solve -> integrate -> export; the stages meet in `types`, never each other."""
+"""Imports run one way: capture -> methods -> integration -> export; the stages meet in `types`, never each other."""
 
 import ast
 from pathlib import Path
@@ -43,18 +43,18 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "stored": {"types", "files"},
     "progress": set(),
     "capture": BASE,
-    "calibrate": BASE,
-    "solve": BASE | {"integrate", "progress"},  # under near lamps normals need depth
-    "integrate": BASE,
-    "score": BASE,
-    "export": BASE | {"score"},  # maps of errors
+    "calibration": BASE,
+    "methods": BASE | {"integration", "progress"},  # under near lamps normals need depth
+    "integration": BASE,
+    "scoring": BASE,
+    "export": BASE | {"scoring"},  # maps of errors
     "synth": BASE | {"capture", "progress"},
-    "train": BASE | {"capture", "solve", "score", "synth", "progress"},
-    "check": BASE | {"calibrate"},
-    "rig": BASE | {"capture", "calibrate", "check", "export", "progress"},
-    "measure": BASE | {"capture", "solve", "integrate", "score", "progress", "check"},
-    "view": BASE | {"capture", "calibrate", "score", "export", "progress", "rig"},
-    "bench": BASE | {"capture", "measure", "solve", "integrate", "score", "export", "progress", "view"},
+    "train": BASE | {"capture", "methods", "scoring", "synth", "progress"},
+    "doctor": BASE | {"calibration"},
+    "rig": BASE | {"capture", "calibration", "doctor", "export", "progress"},
+    "measurement": BASE | {"capture", "methods", "integration", "scoring", "progress", "doctor"},
+    "view": BASE | {"capture", "calibration", "scoring", "export", "progress", "rig"},
+    "bench": BASE | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"},
 }
 
 
@@ -72,7 +72,7 @@ def imported(file: Path) -> set[str]:
 
 
 def test_the_walk_sees_imports():
-    assert "types" in imported(SOURCE / "solve" / "engine" / "samples.py")
+    assert "types" in imported(SOURCE / "methods" / "engine" / "samples.py")
 
 
 @pytest.mark.parametrize("place", MAY_IMPORT)

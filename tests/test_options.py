@@ -3,7 +3,7 @@
 import pytest
 
 from photonormal.cli import main
-from photonormal.solve import configure, parse
+from photonormal.methods import configure, parse
 from photonormal.types import InputError
 
 SENSELESS = {  # command -> what is added to it

@@ -1,9 +1,12 @@
 """The front door: what a newcomer types first."""
 
+import importlib
+import pkgutil
 import re
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import photonormal as pn
 
@@ -24,10 +27,18 @@ def test_the_readme_example_runs(tmp_path, monkeypatch):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["demo.ply", "demo.png"]
 
 
+def test_no_name_hides_a_package():
+    """``import photonormal.x.y as z`` works for every module, whatever functions the package gives by their names."""
+    for module in pkgutil.walk_packages(pn.__path__, "photonormal."):
+        parent, name = module.name.rsplit(".", 1)
+        given = getattr(importlib.import_module(parent), name, None)
+        assert given is None or isinstance(given, ModuleType), module.name
+
+
 def test_every_method_resolves():
-    from photonormal.integrate import METHODS as INTEGRATION
-    from photonormal.integrate import integrate
-    from photonormal.solve import METHODS, method_class
+    from photonormal.integration import METHODS as INTEGRATION
+    from photonormal.integration import integrate
+    from photonormal.methods import METHODS, method_class
 
     for name in METHODS:
         assert method_class(name).__dataclass_params__.frozen, name

@@ -6,7 +6,7 @@ import time
 import numpy as np
 
 from photonormal import load, progress, solve
-from photonormal.solve.engine import samples, stream
+from photonormal.methods.engine import samples, stream
 
 
 def test_lines_tell_the_time_that_is_left(monkeypatch, capsys):

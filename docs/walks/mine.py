@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from photonormal.cli import main
+from photonormal.methods import METHODS
+from photonormal.methods.classical.woodham import weighted_normals
+from photonormal.methods.contract import Needs, Observations, Solution
 from photonormal.shading import normalised
-from photonormal.solve import METHODS
-from photonormal.solve.classical.woodham import weighted_normals
-from photonormal.solve.contract import Needs, Observations, Solution
 
 METHODS["mine"] = "mine:Mine"
 

@@ -6,13 +6,13 @@ Importing it loads neither torch nor OpenCV; each is loaded by the first call th
 __version__ = "0.1.0"
 
 from photonormal.capture import load
-from photonormal.check import check
+from photonormal.doctor import check
 from photonormal.export import load_normals, save
-from photonormal.integrate import integrate
-from photonormal.measure import measure
+from photonormal.integration import integrate
+from photonormal.measurement import measure
+from photonormal.methods import solve
 from photonormal.rig import calibrate
-from photonormal.score import score
-from photonormal.solve import solve
+from photonormal.scoring import score
 from photonormal.types import Capture, InputError, Normals, Result, Surface
 
 __all__ = [

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import photonormal
-from photonormal.calibrate.circle import Circle, SphereError
-from photonormal.calibrate.mirror import mean_directions, nearest_point
-from photonormal.calibrate.sphere import Camera, Sphere, look_at_spheres
+from photonormal.calibration.circle import Circle, SphereError
+from photonormal.calibration.mirror import mean_directions, nearest_point
+from photonormal.calibration.sphere import Projection, Sphere, look_at_spheres
 from photonormal.capture import files_read, load
 from photonormal.capture.encoding import encodings
 from photonormal.capture.images import ImageFiles, parts, read_mask
@@ -27,8 +27,8 @@ from photonormal.progress import progress
 from photonormal.types import InputError, cores
 
 if TYPE_CHECKING:
-    from photonormal.check.finding import Finding
-    from photonormal.check.given import Near
+    from photonormal.doctor.finding import Finding
+    from photonormal.doctor.given import Near
 
 REFERENCE_PIXELS = 3000  # of the object that intensities are found from
 MASK_PICTURES = 16  # that a mask is found from
@@ -84,8 +84,8 @@ def calibrate(
     if radius_mm is not None and len(spheres) * count > 1:
         files["positions"] = out.with_name("light_positions.txt")
     refuse_taken(files.values(), overwrite)
-    from photonormal.calibrate import files as text
-    from photonormal.calibrate.picture import beside, drawn
+    from photonormal.calibration import files as text
+    from photonormal.calibration.picture import beside, drawn
     from photonormal.export.folder import as_json
     from photonormal.png import encode_png
 
@@ -97,7 +97,7 @@ def calibrate(
     kept = [j for j in range(len(names)) if j not in dropped]
     if not kept:
         raise InputError(f"--skip {skip} leaves out all {len(names)} photographs; leave out fewer.")
-    camera, found, pictures = Camera(focal_px), [], []
+    camera, found, pictures = Projection(focal_px), [], []
     for k, place in enumerate(spheres):
         path = Path(folder) if str(place) == AUTO else Path(place)
         share = given[k * count : (k + 1) * count]
@@ -183,9 +183,9 @@ def check(
     capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
     out : folder for report.json, a polar plot of the lights, and corrected lights where other ones fit; None: no files
     """
-    from photonormal.calibrate import files as text
-    from photonormal.check import check as findings_of
-    from photonormal.check.coverage import polar_plot
+    from photonormal.calibration import files as text
+    from photonormal.doctor import check as findings_of
+    from photonormal.doctor.coverage import polar_plot
     from photonormal.export.folder import report, whole_folder
     from photonormal.png import encode_png
 
@@ -236,9 +236,9 @@ def intensities(
     region : "x0,y0,x1,y1" in pixels: where the board is, in the reference's photographs or in the object's; the whole
         frame of the reference without it
     """
-    from photonormal.calibrate import files as text
-    from photonormal.calibrate.intensities import from_reference, self_calibrated
-    from photonormal.check.given import Near
+    from photonormal.calibration import files as text
+    from photonormal.calibration.intensities import from_reference, self_calibrated
+    from photonormal.doctor.given import Near
 
     out = Path(out)
     refuse_taken([out], overwrite)
@@ -280,7 +280,7 @@ def intensities(
 
 def _of_lamps(near: Near) -> np.ndarray:
     """Intensities (n,) of near lamps themselves, without their distance, for an object that is nearly flat."""
-    from photonormal.calibrate.intensities import self_calibrated
+    from photonormal.calibration.intensities import self_calibrated
 
     e = np.ones(len(near.vectors))
     for _ in range(3):  # how light falls off over the object is told from pictures of equal lamps
@@ -290,7 +290,7 @@ def _of_lamps(near: Near) -> np.ndarray:
 
 def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool = False) -> tuple[Path, Path]:
     """The object's mask from its shading, and a preview of it, as pictures; returns their paths."""
-    from photonormal.calibrate.mask import mask_from_shading
+    from photonormal.calibration.mask import mask_from_shading
     from photonormal.png import encode_png
 
     out = Path(out)
@@ -359,7 +359,9 @@ def _images(folder: Path, names: Sequence[str], kept: Sequence[int]) -> ImageFil
     return ImageFiles([paths[j] for j in kept], None, np.ones((len(kept), 1)))
 
 
-def _spheres(folder: Path, images: ImageFiles, circles: Sequence[Circle], count: int, camera: Camera) -> list[Sphere]:
+def _spheres(
+    folder: Path, images: ImageFiles, circles: Sequence[Circle], count: int, camera: Projection
+) -> list[Sphere]:
     """The spheres that a folder's pictures show."""
     others = [p for p in find_pictures(folder) if not re.search(r"\d", p.stem) and p not in images.pictures]
     scale = 1 / float(images[0].max() or 1) if images.dtype.kind == "f" else 1.0  # floats have no full scale
@@ -419,7 +421,7 @@ def _positions(found: Sequence[Sphere], radius_mm: float, focal_px: float | None
     """Positions of the lights (n, 3) in mm and by how much the spheres' lines to each miss one another."""
     if focal_px is None:
         mm = radius_mm / np.mean([s.circle.r for s in found])  # a pixel
-        x0, y0 = Camera().axis(found[0].shape)
+        x0, y0 = Projection().axis(found[0].shape)
         points = [np.array([s.circle.x - x0, y0 - s.circle.y, 0]) * mm + radius_mm * s.points for s in found]
     else:
         points = [radius_mm * s.points for s in found]

@@ -81,7 +81,7 @@ class Capture:
     camera : what a pixel is in millimetres
     lights_at : (p, n, 3) float32, unit vectors to the lights from each of the mask's p pixels, where they differ, or
         what gives those of some pixels when asked (``lights_at[a:b]``); then the images hold no fall-off
-        (`photonormal.solve.engine.near` makes such captures)
+        (`photonormal.methods.engine.near` makes such captures)
     crop : which part of the photographs it shows, reduced; None: all of them
     notes : what was assumed when it was read, and the user should know, a sentence each
     encoding : how the files' samples were taken and what says so, such as "sRGB (Exif)"; `linearised` where they were

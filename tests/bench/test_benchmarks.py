@@ -124,7 +124,7 @@ def test_the_paper_s_crop_repeats_and_stays_in_its_limits(blobby):
 def test_the_paper_s_crop_leaves_normals_right(blobby):
     """Without noise, least squares on a crop of a matt sphere finds the crop's own normals where all lights reach."""
     from photonormal.geometry import angle_deg
-    from photonormal.solve import solve
+    from photonormal.methods import solve
 
     whole = load(blobby / "Images" / "blob01" / "matt")
     crop = augmented(whole, np.random.default_rng(5))

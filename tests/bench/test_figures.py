@@ -20,7 +20,7 @@ from photonormal.bench.figures.materials import materials
 from photonormal.bench.figures.relief import relief
 from photonormal.bench.figures.style import COLOURS
 from photonormal.bench.tables import tables
-from photonormal.integrate import integrate
+from photonormal.integration import integrate
 from photonormal.types import InputError
 from tests.scenes import sphere
 

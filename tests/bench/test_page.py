@@ -18,7 +18,7 @@ from photonormal.bench.page import report
 from photonormal.bench.store import read_truth
 from photonormal.bench.tables import tables
 from photonormal.export import load_normals
-from photonormal.score import error_map_deg
+from photonormal.scoring import error_map_deg
 from tests.view.test_planes import inflated
 
 CHROMIUM = next((p for p in map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome")) if p), None)

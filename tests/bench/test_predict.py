@@ -10,7 +10,7 @@ from photonormal.bench import bench, predict, source
 from photonormal.bench.scores import all_scored
 from photonormal.capture import load
 from photonormal.export import load_normals
-from photonormal.solve import METHODS, solve
+from photonormal.methods import METHODS, solve
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
@@ -79,7 +79,7 @@ def test_an_object_with_a_missing_file_is_named_and_the_others_go_on(root, tmp_p
 
 
 def test_a_method_that_fails_is_named_and_the_others_go_on(root, tmp_path, run, monkeypatch):
-    from photonormal.solve.classical.trimmed import Trimmed
+    from photonormal.methods.classical.trimmed import Trimmed
 
     def broken(*_):
         raise ZeroDivisionError("no window\nleft")
@@ -91,7 +91,7 @@ def test_a_method_that_fails_is_named_and_the_others_go_on(root, tmp_path, run, 
 
 
 def test_absent_weights_are_named_and_the_others_go_on(root, tmp_path, run, monkeypatch):
-    monkeypatch.setitem(METHODS, "psfcn", "photonormal.solve.learned.psfcn:PSFCN")
+    monkeypatch.setitem(METHODS, "psfcn", "photonormal.methods.learned.psfcn:PSFCN")
     methods = f"woodham,psfcn:weights={tmp_path / 'no.safetensors'}"
     code, out, err = run("bench", "diligent", root, "--methods", methods, "--out", tmp_path / "runs")
     assert code == 1 and "4 predictions stored" in out and "no.safetensors" in err
@@ -175,7 +175,7 @@ def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
     package = tmp_path / "photonormal"
     shutil.copytree(source.PACKAGE, package, ignore=shutil.ignore_patterns("weights", "data", "__pycache__"))
     monkeypatch.setattr(source, "PACKAGE", package)
-    woodham, l1 = "photonormal.solve.classical.woodham", "photonormal.solve.classical.l1"
+    woodham, l1 = "photonormal.methods.classical.woodham", "photonormal.methods.classical.l1"
     before = [source.source_sha256(m) for m in (woodham, l1)]
     (package / "bench" / "page" / "html.py").write_text("")
     (package / "solve" / "classical" / "ward.py").write_text("")
@@ -209,7 +209,7 @@ def test_objects_without_pictures_leave_no_trace_of_a_truth(tmp_path):
 
 def test_what_every_method_stores_is_read_again():
     from photonormal.bench.store import Config
-    from photonormal.solve import METHODS, configure, options_of
+    from photonormal.methods import METHODS, configure, options_of
     from photonormal.stored import converted
 
     for name in METHODS:

@@ -4,7 +4,7 @@ import pytest
 
 from photonormal.bench.benchmarks import DILIGENT
 from photonormal.bench.published import of_method, others, published
-from photonormal.solve import METHODS
+from photonormal.methods import METHODS
 
 
 def of(method: str, images: int = 96, protocol: str = "all"):

@@ -9,7 +9,7 @@ import pytest
 
 from photonormal.bench.tables import AVERAGE, MEANS, Cell, Column, Cost, ErrorTable, Row, tables
 from photonormal.export import load_normals
-from photonormal.score import score
+from photonormal.scoring import score
 
 
 def row(label: str, **errors: float) -> Row:

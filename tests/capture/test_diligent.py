@@ -5,8 +5,8 @@ import pytest
 from scipy.io import savemat
 
 from photonormal import load
-from photonormal.score import score
-from photonormal.solve import solve
+from photonormal.methods import solve
+from photonormal.scoring import score
 from tests.capture.files import refusal
 from tests.scenes import lambertian, ring, sphere, write_diligent
 

@@ -7,8 +7,8 @@ import pytest
 
 import photonormal as pn
 from photonormal.capture.exif import read_exif
-from photonormal.check import check
 from photonormal.cli import main
+from photonormal.doctor import check
 from photonormal.srgb import to_linear
 from tests.capture.embedding import ADOBE, SRGB, curv, exif, profile, write_with
 from tests.capture.files import LIGHTS, refusal, samples

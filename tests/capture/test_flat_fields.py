@@ -7,7 +7,7 @@ import pytest
 import photonormal as pn
 from photonormal.geometry import angle_deg, normalised
 from photonormal.types import InputError
-from tests.calibrate.chrome import dome
+from tests.calibration.chrome import dome
 
 SIZE, WIDTHS = 40, 2.0
 LIGHTS = dome(9, 45.0)

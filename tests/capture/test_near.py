@@ -112,7 +112,7 @@ def test_luces_needs_its_pictures(tmp_path):
 
 
 def test_the_doctor_does_not_take_fall_off_for_wrong_intensities(tmp_path):
-    from photonormal.check import check
+    from photonormal.doctor import check
 
     luces(tmp_path)
     assert not [f for f in check(load(tmp_path)) if f.grave]

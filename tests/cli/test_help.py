@@ -8,9 +8,9 @@ import photonormal
 from photonormal import cli
 from photonormal.cli import COMMANDS, main
 from photonormal.geometry import FRAMES
+from photonormal.methods import METHODS
 from photonormal.options import Frame
-from photonormal.solve import METHODS
-from tests.calibrate.chrome import dome, write_chrome
+from tests.calibration.chrome import dome, write_chrome
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.calibrate.chrome import dome, write_chrome, write_pictures
+from tests.calibration.chrome import dome, write_chrome, write_pictures
 from tests.crash.run import Work, command, run
 from tests.scenes import lambertian, ring, sphere, write_diligent
 

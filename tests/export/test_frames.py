@@ -8,7 +8,7 @@ from photonormal.cli import main
 from photonormal.export import load_normals, save
 from photonormal.geometry import FRAMES, angle_deg, from_frame, in_frame
 from photonormal.types import InputError
-from tests.calibrate.chrome import dome, write_chrome
+from tests.calibration.chrome import dome, write_chrome
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 

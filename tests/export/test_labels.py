@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photonormal.export.labels import NARROWEST, labelled, with_scale
-from photonormal.score import SCALE_DEG, colours
+from photonormal.scoring import SCALE_DEG, colours
 
 
 @pytest.mark.parametrize("size", [(30, 40), (300, 500), (2500, 3000)])

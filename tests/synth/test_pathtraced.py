@@ -18,7 +18,7 @@ from photonormal.synth.pathtraced import render_scene_set
 from photonormal.synth.pathtraced.meshes import Mesh, polygonise, read_mesh
 from photonormal.synth.pathtraced.objects import OBJECTS, sphere
 from photonormal.synth.pathtraced.reflectance import bsdf, evaluate, measured
-from photonormal.synth.pathtraced.tracer import Camera, build, eroded, look, reached, stock, trace
+from photonormal.synth.pathtraced.tracer import OrthographicCamera, build, eroded, look, reached, stock, trace
 from photonormal.synth.pathtraced.variant import vectorised
 
 WHITE = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.8, 0.5, 0.3]}}
@@ -32,7 +32,7 @@ def two_balls(material):
 
 
 def test_a_matt_ball_is_its_albedo_times_the_cosine():
-    camera = Camera(x=0.1, y=-0.2, half=1.3, size=24)
+    camera = OrthographicCamera(x=0.1, y=-0.2, half=1.3, size=24)
     scene = build([{"type": "sphere", "bsdf": WHITE}], camera)
     seen = look(scene, camera)
     images = trace(scene, camera, OBLIQUE, 1, 0, centred=True) if vectorised() else None
@@ -48,7 +48,7 @@ def test_a_matt_ball_is_its_albedo_times_the_cosine():
 @pytest.mark.parametrize("bounces", [0, 2])
 @fast
 def test_many_lights_at_once_are_the_stock_integrators_images(bounces):
-    camera = Camera(half=1.4, size=32)
+    camera = OrthographicCamera(half=1.4, size=32)
     scene = build(two_balls(WHITE), camera)
     ours = trace(scene, camera, OBLIQUE, 256, bounces)
     theirs = np.stack([stock(scene, l, 256, bounces) for l in OBLIQUE])
@@ -58,7 +58,7 @@ def test_many_lights_at_once_are_the_stock_integrators_images(bounces):
 
 @fast
 def test_formulas_sample_the_directions_that_they_weigh():
-    camera = Camera(half=1.4, size=32)
+    camera = OrthographicCamera(half=1.4, size=32)
     shiny = bsdf("principled", [0.9, 0.7, 0.4, 1, 0.35, 0.5, 0, 0, 0, 0, 0])
     scene = build(two_balls(shiny), camera)
     ours = trace(scene, camera, OBLIQUE, 256, 1)
@@ -67,7 +67,7 @@ def test_formulas_sample_the_directions_that_they_weigh():
 
 
 def test_a_ball_shades_its_neighbour():
-    camera = Camera(half=1.6, size=32)
+    camera = OrthographicCamera(half=1.6, size=32)
     large, small = {"type": "sphere"}, {"type": "sphere", "center": [1.2, 0, 0.9], "radius": 0.25}
     l = np.array([[0.8, 0.0, 0.6]])
     row, column = 16, 24  # at (0.85, -0.05), near (0.8, 0, 0.6), where the small ball's shadow falls

@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 import torch
 
+from photonormal.methods.classical.woodham import Woodham
 from photonormal.shading import LUMA
-from photonormal.solve.classical.woodham import Woodham
 from photonormal.synth.params import rng
 from photonormal.synth.recipes import _NOISELESS, _PERFECT, recipe
 from photonormal.synth.scene import draw_scenes, frame, render

@@ -12,7 +12,7 @@ import torch
 
 from photonormal.capture.augmentation import LIMIT, NOISE, augmented
 from photonormal.cli import main
-from photonormal.solve.learned.weights import load
+from photonormal.methods.learned.weights import load
 from photonormal.synth import render
 from photonormal.synth.recipes import recipe as rendering
 from photonormal.train import checkpoint, disk, loop, sets, validate

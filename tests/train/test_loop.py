@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import torch
 
-from photonormal.solve.learned.weights import load
+from photonormal.methods.learned.weights import load
 from photonormal.train import checkpoint, loop, validate
 from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
@@ -321,9 +321,9 @@ def test_the_card_says_what_the_weights_are(tmp_path):
 WORKER = """
 import sys, torch
 torch.set_num_threads(1)
-from photonormal.solve.learned import processor
-from photonormal.solve.learned.network import placed
-from photonormal.solve.learned.weights import build
+from photonormal.methods.learned import processor
+from photonormal.methods.learned.network import placed
+from photonormal.methods.learned.weights import build
 from photonormal.train import loop
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe

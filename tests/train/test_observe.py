@@ -93,7 +93,7 @@ def test_the_toy_resumes():
 
 @pytest.mark.parametrize("name", RECIPES)
 def test_every_recipe_builds_its_network_and_has_a_falling_rate(name):
-    from photonormal.solve.learned.weights import build
+    from photonormal.methods.learned.weights import build
 
     r = recipe(name)
     build(r.network, r.config)

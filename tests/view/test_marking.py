@@ -9,11 +9,11 @@ import pytest
 
 from photonormal.capture import load
 from photonormal.geometry import angle_deg
-from photonormal.measure import measure
+from photonormal.measurement import measure
 from photonormal.types import InputError
 from photonormal.view.marking import SIDE, Marking, Marks, Outline
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
-from tests.calibrate.chrome import dome, highlight_at, write_pictures
+from tests.calibration.chrome import dome, highlight_at, write_pictures
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 L = dome(10)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from photonormal.bench.source import source_sha256
-from photonormal.solve import METHODS, configure, options_of, parse
+from photonormal.methods import METHODS, configure, options_of, parse
 from photonormal.types import InputError
 
 RESERVED = ("truth",)  # folder of a run that is no method's

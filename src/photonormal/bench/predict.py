@@ -88,7 +88,7 @@ def bench(
         If the root holds no objects, a method, option or count can't be used, or `out` holds predictions that were
         made in another way. Nothing has been predicted then.
     """
-    from photonormal.solve.engine.device import torch_device
+    from photonormal.methods.engine.device import torch_device
 
     torch_device(device)
     plan = Plan.parse(images, draws, fixed)
@@ -174,8 +174,8 @@ def _predict(
 ) -> None:
     """One method on one selection, measured and stored."""
     from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
-    from photonormal.measure import measure
-    from photonormal.solve.engine.device import torch_device
+    from photonormal.measurement import measure
+    from photonormal.methods.engine.device import torch_device
 
     where = torch_device(device)
     part = selected(capture, selection)

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 
 from photonormal.bench.benchmarks import DILIGENT
-from photonormal.solve import METHODS
+from photonormal.methods import METHODS
 
 FILE = Path(__file__).with_name("published.toml")
 

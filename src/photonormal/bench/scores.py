@@ -15,13 +15,13 @@ import msgspec
 from photonormal.bench.store import AGAIN, SCORES, Prediction, configs, predictions, read_truth, truth_path
 from photonormal.disk import write
 from photonormal.options import Count, NotNegative
-from photonormal.score import score
+from photonormal.scoring import score
 from photonormal.stored import read_json
 from photonormal.types import InputError, cores
 
 
 class Figures(TypedDict):
-    """The numbers of a `photonormal.score.Score`."""
+    """The numbers of a `photonormal.scoring.Score`."""
 
     mean_deg: NotNegative
     median_deg: NotNegative

@@ -7,8 +7,8 @@ import hashlib
 from pathlib import Path
 
 PACKAGE = Path(__file__).parents[1]
-ENGINE = ("photonormal.solve.engine.samples", "photonormal.solve.engine.stream", "photonormal.solve.engine.near")
-BESIDES = {"photonormal", "photonormal.solve", "photonormal.types", "photonormal.options"}  # names and checks
+ENGINE = ("photonormal.methods.engine.samples", "photonormal.methods.engine.stream", "photonormal.methods.engine.near")
+BESIDES = {"photonormal", "photonormal.methods", "photonormal.types", "photonormal.options"}  # names and checks
 
 
 def source_sha256(module: str) -> str:

@@ -13,7 +13,7 @@ from photonormal.bench.published import Published, of_method, others
 from photonormal.bench.scores import Scored, all_scored
 from photonormal.bench.store import configs
 from photonormal.capture.pictures import natural
-from photonormal.solve import METHODS
+from photonormal.methods import METHODS
 from photonormal.types import InputError
 
 WIDE = 12  # objects above which a table shows means over them instead of one column each

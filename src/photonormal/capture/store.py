@@ -23,7 +23,7 @@ from photonormal.types import InputError
 log = logging.getLogger(__name__)
 
 SIDE = 256  # of a block in a scratch file, pixels
-SHARE = 3  # pictures may take this part of the memory; the rest is for what is done with them (`solve.engine.plan`)
+SHARE = 3  # pictures may take this part of the memory; the rest is for what is done with them (`methods.engine.plan`)
 
 
 class Store:

@@ -54,7 +54,7 @@ class Score:
 
     def __call__(self) -> int:
         from photonormal.capture import load
-        from photonormal.score import score
+        from photonormal.scoring import score
 
         truth = load(self.capture, format=self.format).truth
         if truth is None:
@@ -101,8 +101,8 @@ class Integrate:
         from photonormal.disk import refuse_taken
         from photonormal.export import save
         from photonormal.export.pictures import read_colours
-        from photonormal.integrate import integrate
-        from photonormal.measure import read_camera
+        from photonormal.integration import integrate
+        from photonormal.measurement import read_camera
         from photonormal.progress import progress
 
         refuse_taken([self.out], self.overwrite, [p for p in (self.normals, self.mask, self.albedo) if p is not None])

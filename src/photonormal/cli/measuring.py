@@ -13,8 +13,8 @@ from tyro.conf import OmitArgPrefixes, Positional
 from photonormal.cli.kinds import File, Where, next_step, warn
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.export.mesh import FACES
+from photonormal.methods import DEFAULT, METHODS, method_class, parse
 from photonormal.options import Count, Frame, Precision
-from photonormal.solve import DEFAULT, METHODS, method_class, parse
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Measure:
         from photonormal.capture import files_read, load, told
         from photonormal.export.folder import as_json, whole_folder
         from photonormal.export.result import write_result
-        from photonormal.measure import measure, read_camera
+        from photonormal.measurement import measure, read_camera
 
         by, written = self.method, self.results
         method, options = parse(by.method)

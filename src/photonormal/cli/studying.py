@@ -186,8 +186,8 @@ class Render:
     """Another seed, other samples."""
 
     def __call__(self) -> int:
+        from photonormal.methods.engine.device import torch_device
         from photonormal.progress import progress
-        from photonormal.solve.engine.device import torch_device
         from photonormal.synth.output import render
 
         device = torch_device(self.device)

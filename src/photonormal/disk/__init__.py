@@ -6,7 +6,7 @@
 
 from photonormal.disk.batch import Batch, Inside, at_once, recover, write
 from photonormal.disk.journal import PARTIAL
-from photonormal.disk.lock import lock, uninterrupted
+from photonormal.disk.locking import lock, uninterrupted
 from photonormal.disk.refusals import identities, refuse_folder, refuse_taken, unwritable
 
 __all__ = [

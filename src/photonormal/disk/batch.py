@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from photonormal.disk.journal import PARTIAL, Journal, stamp, sync
-from photonormal.disk.lock import uninterrupted
+from photonormal.disk.locking import uninterrupted
 from photonormal.disk.refusals import NOTHING, refuse_folder, unwritable
 from photonormal.types import InputError
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from photonormal.disk.lock import lock
+from photonormal.disk.locking import lock
 from photonormal.types import InputError
 
 PARTIAL = ".photonormal-partial"  # folder of the journal and of the files to come and to go

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import UInt8
 
-from photonormal.score import SCALE_DEG, colours
+from photonormal.scoring import SCALE_DEG, colours
 
 INK = (40, 40, 40)
 LARGEST = 0.5  # of letters, in OpenCV's unit: about 12 pixels high

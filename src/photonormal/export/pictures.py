@@ -10,7 +10,7 @@ from photonormal.export.labels import labelled
 from photonormal.export.mesh import display
 from photonormal.files.decode import decode, full_scale
 from photonormal.files.remarks import is_srgb
-from photonormal.score import SCALE_DEG
+from photonormal.scoring import SCALE_DEG
 from photonormal.srgb import to_linear
 from photonormal.types import InputError, Normals
 

@@ -17,7 +17,7 @@ from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, preview
 from photonormal.masked import taken
 from photonormal.png import SRGB, encode_png
-from photonormal.score import colours, error_picture
+from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface, box_of, cores
 
 LARGE = 2**22  # pixels of a frame above which one file is written after the other, to bound the memory

@@ -10,18 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from photonormal.synth.output import render
-    from photonormal.synth.recipes import RECIPES, Recipe, recipe
+    from photonormal.synth.recipes import RECIPES, Rendering, recipe
     from photonormal.synth.stream import Batch, Stream
 
 _WHERE = {
     "Batch": "photonormal.synth.stream",
     "Stream": "photonormal.synth.stream",
     "RECIPES": "photonormal.synth.recipes",
-    "Recipe": "photonormal.synth.recipes",
+    "Rendering": "photonormal.synth.recipes",
     "recipe": "photonormal.synth.recipes",
     "render": "photonormal.synth.output",
 }
-__all__ = ["RECIPES", "Batch", "Recipe", "Stream", "recipe", "render"]
+__all__ = ["RECIPES", "Batch", "Rendering", "Stream", "recipe", "render"]
 
 
 def __getattr__(name: str) -> Any:

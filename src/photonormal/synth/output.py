@@ -14,7 +14,7 @@ from photonormal.disk import PARTIAL, at_once
 from photonormal.synth.layout import BlobbyWriter, write_diligent
 from photonormal.synth.params import rng
 from photonormal.synth.preview import contact_sheet, encode_sheet
-from photonormal.synth.recipes import Recipe, recipe
+from photonormal.synth.recipes import Rendering, recipe
 from photonormal.synth.shards import write_recipe, write_shard
 from photonormal.synth.stream import Batch, Stream
 from photonormal.types import InputError
@@ -25,7 +25,7 @@ SHARD = 64  # samples in a file
 
 
 def render(
-    name: str | Recipe,
+    name: str | Rendering,
     count: int,
     out: Path | str,
     preview: bool = False,
@@ -71,7 +71,7 @@ def render(
 
 
 def _write(
-    made: Recipe, label: str, count: int, folder: disk.Batch, preview: bool, progress, layout: str, device, seed: int
+    made: Rendering, label: str, count: int, folder: disk.Batch, preview: bool, progress, layout: str, device, seed: int
 ) -> None:
     block = min(made.scenes, -(-count // made.crops))
     made = dataclasses.replace(made, scenes=block)

@@ -10,7 +10,7 @@ from photonormal.types import InputError
 
 
 @dataclass(frozen=True)
-class Recipe:
+class Rendering:
     """One rendered set.
 
     Scenes of `size` x `size` pixels are rendered, `scenes` of them at a time, and `crops` windows are cut from each:
@@ -68,18 +68,18 @@ _NOISELESS: dict[str, Any] = dict(saturated=0.0, noise=0.0, blurred=0.0, low_bit
 _STAND_IN: dict[str, Any] = dict(narrow=0.0, varying=0.0, zoom=0.0, **_PERFECT)
 _WHOLE: dict[str, Any] = dict(crop=128, crops=1, zoom=0.0, layout="diligent")  # a window is a whole object
 
-RECIPES: dict[str, Recipe] = {
-    "train": Recipe(),
-    "validation": Recipe(split="validation", zoom=0.3, **_PERFECT),
-    "objects": Recipe(lights=(96, 96), narrow=1.0, split="validation", **_WHOLE, **_PERFECT),
-    "preview": Recipe(lights=(4, 4), **{**_WHOLE, "zoom": 0.25}, **_PERFECT),
-    "blobby": Recipe(lights=(64, 64), narrow=0.0, **{**_WHOLE, "layout": "blobby"}, **_PERFECT),
+RECIPES: dict[str, Rendering] = {
+    "train": Rendering(),
+    "validation": Rendering(split="validation", zoom=0.3, **_PERFECT),
+    "objects": Rendering(lights=(96, 96), narrow=1.0, split="validation", **_WHOLE, **_PERFECT),
+    "preview": Rendering(lights=(4, 4), **{**_WHOLE, "zoom": 0.25}, **_PERFECT),
+    "blobby": Rendering(lights=(64, 64), narrow=0.0, **{**_WHOLE, "layout": "blobby"}, **_PERFECT),
     # stand-ins for the sets that the paper learns from: lights from everywhere, exact; one material a sample
-    "blobs": Recipe(shapes=(0.3, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0), detail=0.25, **_STAND_IN),
-    "sculptures": Recipe(
+    "blobs": Rendering(shapes=(0.3, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0), detail=0.25, **_STAND_IN),
+    "sculptures": Rendering(
         shapes=(0.0, 0.0, 0.4, 0.25, 0.05, 0.15, 0.15), detail=1.3, meshes="data", mesh_share=0.4, **_STAND_IN
     ),
-    "demo": Recipe(
+    "demo": Rendering(
         size=160,
         scenes=1,
         solid="bust",
@@ -90,7 +90,7 @@ RECIPES: dict[str, Recipe] = {
         **_PERFECT,
         **{**_NOISELESS, "saturated": 0.008, "noise": 0.002, "smooth_edges": True},
     ),
-    "lambert": Recipe(
+    "lambert": Rendering(
         lights=(32, 32),
         shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         detail=0.0,
@@ -113,13 +113,13 @@ MIXTURES = {  # name -> recipes and their shares of the blocks of a stream
 }
 
 
-def parts(name: str | Recipe, **changes: Any) -> list[tuple[Recipe, float]]:
+def parts(name: str | Rendering, **changes: Any) -> list[tuple[Rendering, float]]:
     """The recipes of a mixture and their shares, which sum up to 1; or the one recipe of that name."""
     mixed = MIXTURES.get(name, ((name, 1),)) if isinstance(name, str) else ((name, 1),)
     return [(recipe(part, **changes), share / sum(s for _, s in mixed)) for part, share in mixed]
 
 
-def recipe(name: str | Recipe, **changes: Any) -> Recipe:
+def recipe(name: str | Rendering, **changes: Any) -> Rendering:
     """A named recipe, or one that is given, with some fields changed.
 
     Raises
@@ -129,7 +129,7 @@ def recipe(name: str | Recipe, **changes: Any) -> Recipe:
     """
     if isinstance(name, str) and name not in RECIPES:
         raise InputError(f"no recipe {name!r}; choose from {', '.join(RECIPES)}.")
-    known = [f.name for f in dataclasses.fields(Recipe)]
+    known = [f.name for f in dataclasses.fields(Rendering)]
     for key in changes:
         if key not in known:
             raise InputError(f"a recipe has no {key!r}; it has {', '.join(known)}.")
@@ -138,7 +138,7 @@ def recipe(name: str | Recipe, **changes: Any) -> Recipe:
     return made
 
 
-def check(made: Recipe) -> None:
+def check(made: Rendering) -> None:
     """Raise InputError where values make no sense."""
     low, high = made.lights
     if not 1 <= low <= high <= 300:

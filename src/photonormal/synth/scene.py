@@ -19,7 +19,7 @@ from photonormal.synth.lights import draw_lights
 from photonormal.synth.materials import Coats, Skin, at_points, draw_coats, dress, radiance, skins_albedo
 from photonormal.synth.meshes import draw_views, mesh_folder
 from photonormal.synth.params import indices, log_uniform, tensor
-from photonormal.synth.recipes import Recipe
+from photonormal.synth.recipes import Rendering
 from photonormal.synth.sculptor import draw_solids
 from photonormal.synth.shadows import distant, nearby
 from photonormal.synth.trace import Geometry, Solid, View, approach, survey
@@ -42,7 +42,7 @@ class Scenes:
     ambient: Float[Tensor, " b"]
 
 
-def draw_scenes(recipe: Recipe, g: np.random.Generator, b: int, n: int, shelf: Library | None) -> Scenes:
+def draw_scenes(recipe: Rendering, g: np.random.Generator, b: int, n: int, shelf: Library | None) -> Scenes:
     """`b` random scenes with `n` lights each."""
     near = g.random(b) < recipe.zoom
     if recipe.solid == "bust":
@@ -89,7 +89,7 @@ def frame(scenes: Scenes, size: int) -> tuple[View, Float[Tensor, "b p"]]:
 
 
 def windows(
-    geometry: Geometry, recipe: Recipe, generator: torch.Generator
+    geometry: Geometry, recipe: Rendering, generator: torch.Generator
 ) -> tuple[Int[Tensor, "b k"], Bool[Tensor, " b"]]:
     """First pixels (row * size + column) of `crops` windows on curved parts, and which scenes have that many.
 
@@ -125,7 +125,7 @@ def _highest_near(height: Float[Tensor, "b s s"], width: int) -> Float[Tensor, "
 
 
 def render(
-    scenes: Scenes, geometry: Geometry, pixels: Int[Tensor, "b p"], recipe: Recipe, shelf: Library | None, seed: int
+    scenes: Scenes, geometry: Geometry, pixels: Int[Tensor, "b p"], recipe: Rendering, shelf: Library | None, seed: int
 ) -> Float[Tensor, "b n 3 p"]:
     """Radiance over irradiance of a white surface (1 at its brightest) at some pixels, for each light."""
     b, s, _ = geometry.mask.shape
@@ -171,7 +171,7 @@ def heights(geometry: Geometry) -> Float[Tensor, "b 3 s s"]:
     return torch.cat([torch.where(geometry.mask, geometry.height, EMPTY)[:, None], geometry.behind], 1)
 
 
-def lamps(recipe: Recipe, geometry: Geometry, L: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
+def lamps(recipe: Rendering, geometry: Geometry, L: Float[Tensor, "b n 3"]) -> Float[Tensor, "b n 3"]:
     """(Column, row, height) of lamps in the directions `L` from the middle of the surface, at the recipe's distance."""
     assert recipe.distance is not None
     s = geometry.mask.shape[-1]
@@ -181,7 +181,7 @@ def lamps(recipe: Recipe, geometry: Geometry, L: Float[Tensor, "b n 3"]) -> Floa
 
 
 def lights_at(
-    recipe: Recipe, geometry: Geometry, L: Float[Tensor, "b n 3"], pixel: Int[Tensor, "b p"]
+    recipe: Rendering, geometry: Geometry, L: Float[Tensor, "b n 3"], pixel: Int[Tensor, "b p"]
 ) -> tuple[Float[Tensor, "b n 3"] | Float[Tensor, "b p n 3"], Float[Tensor, "b n p"] | float]:
     """Lights as pixels see them, and what arrives through empty space, over what arrives in the middle."""
     if recipe.distance is None:
@@ -196,7 +196,7 @@ def _bounced(
     scenes: Scenes,
     geometry: Geometry,
     pixels: Int[Tensor, "b p"],
-    recipe: Recipe,
+    recipe: Rendering,
     shelf: Library | None,
     seed: int,
 ) -> Callable[[Tensor, Tensor], Tensor]:

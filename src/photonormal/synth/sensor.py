@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.synth.params import tensor
-from photonormal.synth.recipes import Recipe
+from photonormal.synth.recipes import Rendering
 
 SIDES = ((-1, 0), (1, 0), (0, -1), (0, 1))
 JUMP = 3.0  # pixels of depth by which a surface breaks off
@@ -136,7 +136,7 @@ def measured(
     L: Float[Tensor, "b n 3"],
     height: Tensor,
     mask: Tensor,
-    recipe: Recipe,
+    recipe: Rendering,
     g: np.random.Generator,
     generator: torch.Generator,
 ) -> tuple[Pictures, Float[Tensor, "c n 3"]]:

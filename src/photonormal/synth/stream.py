@@ -17,7 +17,7 @@ from torch import Tensor
 from photonormal.synth.library import Library, data_folder, library
 from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
-from photonormal.synth.recipes import Recipe, parts
+from photonormal.synth.recipes import Rendering, parts
 from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, render, windows
 from photonormal.synth.sensor import measured
 from photonormal.synth.trace import View, visible_surface
@@ -60,7 +60,7 @@ class Stream:
 
     def __init__(
         self,
-        name: str | Recipe = "train",
+        name: str | Rendering = "train",
         batch: int = 32,
         device: torch.device | str = "cpu",
         seed: int = 0,
@@ -68,7 +68,7 @@ class Stream:
         **changes: Any,
     ) -> None:
         recipes, self.shares = zip(*parts(name, **changes), strict=True)
-        self.recipes: tuple[Recipe, ...] = recipes
+        self.recipes: tuple[Rendering, ...] = recipes
         self.device, self.seed, self.step, self.batch = torch.device(device), seed, start_step, batch
         fewest = min(r.scenes * r.crops for r in self.recipes)
         self.batches = max(1, fewest // batch)  # of a block
@@ -83,14 +83,14 @@ class Stream:
                 self.step += 1
                 yield take(block, order[i * self.batch : (i + 1) * self.batch])
 
-    def recipe_of(self, k: int) -> Recipe:
+    def recipe_of(self, k: int) -> Rendering:
         """What block `k` is rendered by."""
         if len(self.recipes) == 1:
             return self.recipes[0]
         return self.recipes[int(rng(self.seed, PURPOSES["mixture"], k).choice(len(self.recipes), p=self.shares))]
 
 
-def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, samples: int) -> Batch:
+def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, samples: int) -> Batch:
     """`samples` windows of the `k`-th block of scenes."""
     n = lights_of(recipe, seed, k)
     parts: list[Batch] = []
@@ -115,7 +115,7 @@ def render_block(recipe: Recipe, seed: int, k: int, device: torch.device, sample
     )
 
 
-def lights_of(recipe: Recipe, seed: int, k: int) -> int:
+def lights_of(recipe: Rendering, seed: int, k: int) -> int:
     """Number of lights of a block."""
     low, high = recipe.lights
     u = rng(seed, PURPOSES["block"], k).random()
@@ -136,7 +136,7 @@ def workers(device: torch.device) -> Iterator[Callable[[list[Callable[[], T]]], 
             torch.set_num_threads(n)  # a worker's setting reaches MKL, which all threads share
 
 
-def render_group(recipe: Recipe, key: tuple[int, int, int], b: int, n: int, device: torch.device) -> list[Batch]:
+def render_group(recipe: Rendering, key: tuple[int, int, int], b: int, n: int, device: torch.device) -> list[Batch]:
     """The windows of `b` scenes, a few scenes at a time; scenes without enough of an object are left out."""
     g = rng(key[0], PURPOSES["group"], *key[1:])
     shelf = library(data_folder(recipe.data), recipe.split)
@@ -148,7 +148,7 @@ def render_group(recipe: Recipe, key: tuple[int, int, int], b: int, n: int, devi
 
 
 def render_windows(
-    scenes: Scenes, view: View, start: Tensor, recipe: Recipe, shelf: Library | None, g: np.random.Generator
+    scenes: Scenes, view: View, start: Tensor, recipe: Rendering, shelf: Library | None, g: np.random.Generator
 ) -> Batch:
     """The windows of some scenes, as the camera measures them."""
     device, c, w, s = start.device, recipe.crops, recipe.crop, recipe.size

@@ -12,8 +12,8 @@ import torch
 
 import photonormal
 from photonormal.disk import at_once
-from photonormal.solve.learned.network import Network, parameters
-from photonormal.solve.learned.weights import encoded
+from photonormal.methods.learned.network import Network, parameters
+from photonormal.methods.learned.weights import encoded
 
 LICENCE = "MIT"
 TITLES = {  # kind of exam -> its heading

@@ -20,11 +20,11 @@ import torch
 
 import photonormal
 from photonormal.disk import at_once, refuse_taken
+from photonormal.methods.engine.prior import prior_named
+from photonormal.methods.learned.network import Network, placed
+from photonormal.methods.learned.processor import computing_in, keep_freed_memory, number_format
+from photonormal.methods.learned.weights import build, checksum, load
 from photonormal.options import Count, Positive, Precision, check_value
-from photonormal.solve.engine.prior import prior_named
-from photonormal.solve.learned.network import Network, placed
-from photonormal.solve.learned.processor import computing_in, keep_freed_memory, number_format
-from photonormal.solve.learned.weights import build, checksum, load
 from photonormal.train import checkpoint, recipes
 from photonormal.train.card import device_name, export
 from photonormal.train.disk import Disk
@@ -247,7 +247,7 @@ def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, 
 
 def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
     """The number format of a training: its checkpoint's, or the one asked for."""
-    from photonormal.solve.engine.device import torch_device
+    from photonormal.methods.engine.device import torch_device
 
     with computing_in(asked):
         found = number_format(torch_device(device))
@@ -271,7 +271,7 @@ def launched(device: str, precision: Precision, changing: bool = False) -> Any:
             from lightning.fabric import Fabric  # type: ignore[import-not-found]
         except ImportError:
             raise InputError("training needs Lightning Fabric; install it: pip install 'photonormal[train]'.") from None
-    from photonormal.solve.engine.device import torch_device
+    from photonormal.methods.engine.device import torch_device
 
     logging.getLogger(Fabric.__module__.rpartition(".")[0]).setLevel(logging.WARNING)  # it tells of its precision
     kind = torch_device(device).type

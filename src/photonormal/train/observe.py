@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from photonormal.solve.engine.prior import prior_named
-from photonormal.solve.inputs.grey import grey
-from photonormal.solve.inputs.scaling import moment, scaled
+from photonormal.methods.engine.prior import prior_named
+from photonormal.methods.inputs.grey import grey
+from photonormal.methods.inputs.scaling import moment, scaled
 from photonormal.train.recipes import Recipe
 
 TILT_DEG = 30.0  # of the prior that is made from the truth

@@ -17,7 +17,7 @@ class Recipe:
 
     Parameters
     ----------
-    network, config : a name in solve.learned.weights.NETWORKS and the fields of its config that are not the default
+    network, config : a name in methods.learned.weights.NETWORKS and the fields of its config that are not the default
     stream, rendering : recipe of `photonormal.synth` that renders the scenes, and the fields that are changed in it
     reuse, ring : how often a rendered batch is used, and how many batches wait for it; where rendering is slower than
         learning, each use with other images and another turn

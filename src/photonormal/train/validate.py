@@ -13,12 +13,12 @@ import torch
 from torch import Tensor
 
 from photonormal.capture import load
-from photonormal.score import score
+from photonormal.methods.engine import on_mask
+from photonormal.methods.engine.stream import measured
+from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.processor import inner_precision
+from photonormal.scoring import score
 from photonormal.shading import angle_deg
-from photonormal.solve.engine import on_mask
-from photonormal.solve.engine.stream import measured
-from photonormal.solve.learned.network import Network
-from photonormal.solve.learned.processor import inner_precision
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
 

@@ -10,11 +10,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from photonormal.calibrate import files as text
-from photonormal.calibrate.circle import Circle
-from photonormal.calibrate.mask import mask_from_shading
-from photonormal.calibrate.sphere import Sphere, look_at_spheres
-from photonormal.calibrate.survey import Photograph
+from photonormal.calibration import files as text
+from photonormal.calibration.circle import Circle
+from photonormal.calibration.mask import mask_from_shading
+from photonormal.calibration.sphere import Sphere, look_at_spheres
+from photonormal.calibration.survey import Photograph
 from photonormal.capture import CROP, load, own_crop
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.pictures import find_mask

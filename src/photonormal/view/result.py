@@ -19,7 +19,7 @@ from photonormal.export.heights import heights_px, read_depth
 from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
 from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
-from photonormal.score import error_map_deg
+from photonormal.scoring import error_map_deg
 from photonormal.stored import read_json
 from photonormal.types import Capture, InputError, box_of
 from photonormal.view.planes import Plane, degrees_plane, height_plane, normals_plane, plane

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from photonormal import load
 from photonormal.capture.lights import read_lights
-from photonormal.check import check
+from photonormal.doctor import check
 from photonormal.types import InputError
 from tests.capture.files import LIGHTS, refusal, samples, write_folder, write_picture
 

@@ -12,8 +12,8 @@ from photonormal.bench.figures.relief import relief
 from photonormal.bench.figures.style import ERRORS, Figure
 from photonormal.bench.scores import Scored, all_scored
 from photonormal.bench.store import Truth, configs, read_truth, truth_path
-from photonormal.integrate import integrate
-from photonormal.score import error_map_deg
+from photonormal.integration import integrate
+from photonormal.scoring import error_map_deg
 from photonormal.types import InputError, Normals, box_of
 
 OBJECTS, METHODS = 4, 5  # at most in one figure, unless they are named

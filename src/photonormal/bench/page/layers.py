@@ -11,8 +11,8 @@ import numpy as np
 
 from photonormal.bench.scores import Scored
 from photonormal.bench.store import Truth, read_truth, truth_path
-from photonormal.integrate import integrate
-from photonormal.score import error_map_deg
+from photonormal.integration import integrate
+from photonormal.scoring import error_map_deg
 from photonormal.types import Normals, box_of
 from photonormal.view.planes import SIDE, degrees_plane, evenly, normals_plane, plane
 

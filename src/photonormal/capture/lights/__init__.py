@@ -1,7 +1,7 @@
 """Files with lights, as people and their programs write them -> names of pictures, and vectors.
 
-A form of file is one module with `read(path) -> Table`, and one line in KINDS. Frame: x right, y up, z to the camera,
-from the object to the light; vectors need not be unit. With a scale they are positions in mm (`lights.near`).
+A form of file is one module with `read(path) -> LightTable`, and one line in KINDS. Frame: x right, y up, z to the
+camera, from the object to the light; vectors need not be unit. With a scale they are positions in mm (`lights.near`).
 """
 
 from __future__ import annotations

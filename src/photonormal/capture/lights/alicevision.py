@@ -16,7 +16,7 @@ import numpy as np
 from msgspec import Meta
 
 from photonormal.capture.lights.relight import MOST, vector
-from photonormal.capture.lights.table import Table
+from photonormal.capture.lights.table import LightTable
 from photonormal.capture.texts import positive
 from photonormal.stored import read_json
 from photonormal.types import InputError
@@ -37,7 +37,7 @@ class Lights(msgspec.Struct):
     lights: Annotated[list[Light], Meta(min_length=1, max_length=MOST)]
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> LightTable:
     """Directions, and intensities where all lights tell theirs."""
     lights = read_json(path, Lights, "a list of lights with directions is needed").lights
     if any(light.type != "directional" for light in lights):
@@ -58,4 +58,4 @@ def read(path: Path) -> Table:
         notes = (
             f"{path.name} has its lights in the order of AliceVision's views: see that the pictures have it, too.",
         )
-    return Table([], numbers, ("x", "y", "z"), intensities, notes)
+    return LightTable([], numbers, ("x", "y", "z"), intensities, notes)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.lights.table import Table
+from photonormal.capture.lights.table import LightTable
 from photonormal.files.matlab import read_mat, shapes_of
 from photonormal.files.opening import TEXT, open_file, read_array, reason_of, size_of
 from photonormal.types import InputError
@@ -14,7 +14,7 @@ from photonormal.types import InputError
 CALLED = ("s", "l", "lights", "light", "light_directions", "directions", "lightdirections", "l_dir", "light_dir")
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> LightTable:
     """The array, a light in each row."""
     notes: tuple[str, ...] = ()
     if path.suffix.lower() == ".npy":
@@ -24,7 +24,7 @@ def read(path: Path) -> Table:
         array, notes = read_mat(path, variable), (f"{path.name}: the lights are its array {variable}.",)
     if array.ndim != 2 or not array.size or array.dtype.kind not in "iuf":
         raise InputError(f"{path} holds {array.dtype} {array.shape} but (n, 3) numbers are needed; save the lights so.")
-    return Table([], array.astype(np.float64), notes=notes)
+    return LightTable([], array.astype(np.float64), notes=notes)
 
 
 def _npy(path: Path) -> np.ndarray:

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from photonormal.capture.lights.table import Table
+from photonormal.capture.lights.table import LightTable
 from photonormal.stored import read_json
 from photonormal.types import InputError
 
@@ -48,7 +48,7 @@ class Project(Dome):
     images: Annotated[list[Photograph], Meta(max_length=MOST)] = []
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> LightTable:
     """Directions of the lights, of a project beside the names of its photographs."""
     project = read_json(path, Project, "export the dome from RelightLab again")
     dome = project.dome or project
@@ -64,7 +64,7 @@ def read(path: Path) -> Table:
             f"for near lights add --dome-radius-mm {dome.domeDiameter / 2:g}, and with --mm-per-px that width over the "
             "pictures' pixels."
         )
-    return Table(names if len(names) == len(numbers) else [], numbers, ("x", "y", "z"), notes=tuple(notes))
+    return LightTable(names if len(names) == len(numbers) else [], numbers, ("x", "y", "z"), notes=tuple(notes))
 
 
 def vector(value: Vector, path: Path) -> list[float]:

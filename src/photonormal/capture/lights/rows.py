@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.lights.table import Table
+from photonormal.capture.lights.table import LightTable
 from photonormal.capture.texts import number, read_lines
 from photonormal.files.decode import SUFFIXES
 from photonormal.types import InputError
@@ -29,7 +29,7 @@ NUMBER_OF_ROW = re.compile(
 SEPARATORS = (r"[;\t]", ",", r"[\s;]+")
 
 
-def read(path: Path) -> Table:
+def read(path: Path) -> LightTable:
     """Names and numbers of the rows, and what the header calls the columns."""
     lines = list(enumerate(read_lines(path), 1))
     remarks = [line.lstrip("#/% ") for _, line in lines if REMARK.match(line)]
@@ -51,7 +51,7 @@ def read(path: Path) -> Table:
         columns = columns[before : before + width]
     elif columns:  # the first has no word
         columns = [""] * (width - len(columns)) + columns[-width:]
-    return _with_row_numbers(Table(names, numbers, tuple(columns)))
+    return _with_row_numbers(LightTable(names, numbers, tuple(columns)))
 
 
 def _rows(lines: list[tuple[int, str]], path: Path) -> tuple[list[str], np.ndarray]:
@@ -70,12 +70,12 @@ def _rows(lines: list[tuple[int, str]], path: Path) -> tuple[list[str], np.ndarr
     return [name for name, _ in rows if name], np.array([numbers[:width] for _, numbers in rows])
 
 
-def _with_row_numbers(table: Table) -> Table:
+def _with_row_numbers(table: LightTable) -> LightTable:
     """Names in the first column where they are numbers: a header has no word for that column, or one for names."""
     if table.names or not table.columns or not NUMBER_OF_ROW.fullmatch(table.columns[0]):
         return table
     names = [f"{v:g}" for v in table.numbers[:, 0]]
-    return Table(names, table.numbers[:, 1:], table.columns[1:])
+    return LightTable(names, table.numbers[:, 1:], table.columns[1:])
 
 
 def _header(line: str) -> list[str] | None:

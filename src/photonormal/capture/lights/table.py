@@ -22,7 +22,7 @@ RADIANS = 2 * np.pi  # angles none of which exceeds it are no degrees
 
 
 @dataclass(frozen=True)
-class Table:
+class LightTable:
     """A file's numbers.
 
     Parameters
@@ -43,7 +43,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Listed:
-    """Lights of a file: names of pictures, none where it names none, vectors (n, 3), and as in `Table` what else.
+    """Lights of a file: names of pictures, none where it names none, vectors (n, 3), and as in `LightTable` what else.
 
     `path` is None where they come from no file.
     """
@@ -60,7 +60,7 @@ class Listed:
         return "" if self.path is None else f" in {self.path.name}"
 
 
-def vectors(table: Table, lights_as: str, path: Path) -> Listed:
+def vectors(table: LightTable, lights_as: str, path: Path) -> Listed:
     """The vectors that a table holds, by its header, or else by what the user says that it holds."""
     names, numbers, notes = table.names, table.numbers, list(table.notes)
     kind = lights_as or next((k for k, words in ANGLES.items() if _columns(table, words)), "directions")
@@ -89,7 +89,7 @@ def vectors(table: Table, lights_as: str, path: Path) -> Listed:
     return Listed(path, names, found, table.intensities, tuple(notes))
 
 
-def _chosen(table: Table, numbers: np.ndarray, words: tuple[str, ...], path: Path) -> np.ndarray:
+def _chosen(table: LightTable, numbers: np.ndarray, words: tuple[str, ...], path: Path) -> np.ndarray:
     """The columns that the words say; without a header the first ones."""
     k = len(words)
     found = _columns(table, words)
@@ -111,7 +111,7 @@ def _chosen(table: Table, numbers: np.ndarray, words: tuple[str, ...], path: Pat
     )
 
 
-def _columns(table: Table, words: tuple[str, ...]) -> list[int]:
+def _columns(table: LightTable, words: tuple[str, ...]) -> list[int]:
     """Which columns the header calls so; empty unless it has one for each word."""
     found = []
     for word in words:

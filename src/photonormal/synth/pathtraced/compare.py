@@ -22,8 +22,8 @@ from photonormal.synth.params import rng, tensor
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.meshes import Mesh, polygonise
 from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
-from photonormal.synth.pathtraced.tracer import Camera, eroded
-from photonormal.synth.recipes import Recipe, recipe
+from photonormal.synth.pathtraced.tracer import OrthographicCamera, eroded
+from photonormal.synth.recipes import Rendering, recipe
 from photonormal.synth.scene import Scenes, draw_scenes, frame, heights, render
 from photonormal.synth.sculptor import KINDS
 from photonormal.synth.shadows import distant
@@ -97,7 +97,7 @@ def lights(n: int, lowest_deg: float = 15.0) -> Float[np.ndarray, "n 3"]:
     return np.concatenate([l[:, :2] * r[:, None], z[:, None]], 1)
 
 
-def plain(**changes: Any) -> Recipe:
+def plain(**changes: Any) -> Rendering:
     """The training recipe without a sensor's and a set-up's errors, whole objects only, principled materials."""
     clean = {
         "zoom": 0.0, "ambient": 0.0, "saturated": 0.0, "noise": 0.0, "low_bits": 0.0, "intensity_error": 0.0,
@@ -129,7 +129,7 @@ def compare(
     n, size, samples, cells : lights, pixels a side, paths a pixel, cells a side of the grid around a drawn solid
     detail : scale of a drawn solid's relief; 0: smooth
     """
-    shapes = tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Recipe.shapes
+    shapes = tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Rendering.shapes
     made = plain(shapes=shapes, varying=1.0, detail=detail)
     L = lights(n)
     scenes = draw_scenes(made, rng(seed, 9), 1, n, None)
@@ -138,12 +138,12 @@ def compare(
     )
     own = None
     if isinstance(kind, Mesh):
-        camera, mesh = Camera(half=1.1, size=size), kind
+        camera, mesh = OrthographicCamera(half=1.1, size=size), kind
     else:
         view, start = frame(scenes, size)
         own = visible_surface(scenes.solids, view, start)
         (x, y), half = view.centre[0].tolist(), float(view.half)
-        camera, mesh = Camera(x, y, half, size), solid(scenes.solids, cells)
+        camera, mesh = OrthographicCamera(x, y, half, size), solid(scenes.solids, cells)
     if stock is None:
         matt = material is not None and len(material) == 3
         stock = diffuse(material) if matt else bsdf("principled", material)
@@ -170,7 +170,7 @@ def compare(
     )
 
 
-def _render(scenes: Scenes, geometry: Geometry, made: Recipe) -> Float[np.ndarray, "n s s 3"]:
+def _render(scenes: Scenes, geometry: Geometry, made: Rendering) -> Float[np.ndarray, "n s s 3"]:
     s = geometry.mask.shape[-1]
     pixels = torch.arange(s * s)[None]
     I = render(scenes, geometry, pixels, made, None, 0)[0]  # (n, 3, s s)
@@ -230,7 +230,7 @@ def plain_coats(coats: Coats, material: np.ndarray) -> Coats:
     )
 
 
-def geometry_of(seen: tracer.Seen, behind: Float[np.ndarray, "2 s s"], camera: Camera) -> Geometry:
+def geometry_of(seen: tracer.Seen, behind: Float[np.ndarray, "2 s s"], camera: OrthographicCamera) -> Geometry:
     """What the path tracer sees of a mesh, and what is behind, as the training renderer's heights."""
     z = torch.from_numpy(np.where(seen.mask, seen.points[..., 2] / camera.pixel, 0))
     below = torch.from_numpy(behind / camera.pixel)[None].float().clamp(min=NOWHERE)

@@ -27,7 +27,7 @@ from photonormal.synth.pathtraced.cycles import KINDS, cells, kind_of_material
 from photonormal.synth.pathtraced.meshes import Mesh
 from photonormal.synth.pathtraced.objects import OBJECTS
 from photonormal.synth.pathtraced.reflectance import bsdf, measured
-from photonormal.synth.pathtraced.tracer import Camera
+from photonormal.synth.pathtraced.tracer import OrthographicCamera
 from photonormal.synth.pathtraced.write import write_cyclesps, write_object
 from photonormal.types import InputError
 
@@ -150,7 +150,7 @@ def _render(
     samples: int,
 ) -> None:
     """All images of one object, in all its materials, written whole or not at all."""
-    camera = Camera(half=1.05, size=size)
+    camera = OrthographicCamera(half=1.05, size=size)
     if made.surface == "matt":
         surfaces = {"": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.6, 0.55, 0.5]}}}
     elif made.surface == "cycles":

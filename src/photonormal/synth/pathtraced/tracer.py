@@ -23,7 +23,7 @@ PATHS = 2**19  # paths traced at a time
 
 
 @dataclass(frozen=True)
-class Camera:
+class OrthographicCamera:
     """A square orthographic window of `size` pixels around (x, y), `half` units of length to each side."""
 
     x: float = 0.0
@@ -60,7 +60,7 @@ def eroded(mask: Bool[np.ndarray, "*n s s"]) -> Bool[np.ndarray, "*n s s"]:
     return np.logical_and.reduce([around[..., i : i + s, j : j + s] for i in range(3) for j in range(3)])
 
 
-def build(shapes: list[Any], camera: Camera) -> Any:
+def build(shapes: list[Any], camera: OrthographicCamera) -> Any:
     """A Mitsuba scene of some shapes, with a stock camera and one distant light, named `light`."""
     mi = mitsuba()
     view = mi.ScalarTransform4f().look_at(
@@ -84,7 +84,7 @@ def build(shapes: list[Any], camera: Camera) -> Any:
     )
 
 
-def look(scene: Any, camera: Camera) -> Seen:
+def look(scene: Any, camera: OrthographicCamera) -> Seen:
     """Mask, shading normals and points at the pixels' centres."""
     s = camera.size
     mask, normals, points = np.zeros(s * s, bool), np.zeros((s * s, 3)), np.zeros((s * s, 3))
@@ -99,7 +99,7 @@ def look(scene: Any, camera: Camera) -> Seen:
     )
 
 
-def behind(scene: Any, camera: Camera) -> Float[np.ndarray, "2 s s"]:
+def behind(scene: Any, camera: OrthographicCamera) -> Float[np.ndarray, "2 s s"]:
     """z where rays through the pixels' centres leave the solid they met, and where they enter it again, or -inf."""
     mi = mitsuba()
     z = np.full((2, camera.size**2), -np.inf)
@@ -110,7 +110,7 @@ def behind(scene: Any, camera: Camera) -> Float[np.ndarray, "2 s s"]:
     return z.reshape(2, camera.size, camera.size)
 
 
-def covered(scene: Any, camera: Camera) -> Bool[np.ndarray, "s s"]:
+def covered(scene: Any, camera: OrthographicCamera) -> Bool[np.ndarray, "s s"]:
     """Pixels that the object fills: their corners, too, meet it."""
     mask = np.ones(camera.size**2, bool)
     for dx in (0.02, 0.98):
@@ -120,7 +120,7 @@ def covered(scene: Any, camera: Camera) -> Bool[np.ndarray, "s s"]:
     return mask.reshape(camera.size, camera.size)
 
 
-def reached(scene: Any, camera: Camera, L: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n s s"]:
+def reached(scene: Any, camera: OrthographicCamera, L: Float[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n s s"]:
     """Where each light reaches what the camera meets at the pixels' centres: no part of the surface is in between."""
     mi = mitsuba()
     s = camera.size
@@ -137,7 +137,7 @@ def _blocked(scene: Any, ray: Any, active: Any) -> Any:
     return scene.ray_test(ray, active) if vectorised() or active else False
 
 
-def _first(scene: Any, camera: Camera, dx: float = 0.5, dy: float = 0.5) -> Iterator[tuple[Any, Any]]:
+def _first(scene: Any, camera: OrthographicCamera, dx: float = 0.5, dy: float = 0.5) -> Iterator[tuple[Any, Any]]:
     """Where the rays of all pixels, or of one after the other, arrive."""
     mi = mitsuba()
     every = camera.size**2
@@ -152,7 +152,7 @@ def _first(scene: Any, camera: Camera, dx: float = 0.5, dy: float = 0.5) -> Iter
 
 def trace(
     scene: Any,
-    camera: Camera,
+    camera: OrthographicCamera,
     L: Float[np.ndarray, "n 3"],
     samples: int = 16,
     bounces: int = 0,

@@ -1,0 +1,228 @@
+"""Mirror spheres looked for in photographs: where lamps are mirrored one by one, and inside which outline.
+
+On a mirror sphere each lamp shows one small reflection that moves from picture to picture: a constellation. Outlines
+are looked for around constellations, and in the whole frame; what does not mirror, a coin, a plate, is passed over. Of
+the circles around one constellation, the ball's outline, the table's horizon in it, a foot below it, those remain whose
+lights explain the shading of the rest of the frame best, and the outermost of them is the sphere's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photonormal.calibration.circle import Circle, SphereError
+from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
+from photonormal.calibration.mirror import directions
+from photonormal.calibration.outline import outlines, resized
+from photonormal.calibration.survey import WORKING_SIZE, Photograph, Survey, root, unexplained
+from photonormal.geometry import angle_deg
+
+AROUND = 7.0  # half the side looked at, in radii of the constellation: lamps within 16 degrees of the view fit
+PLACE_SIZE = 400  # least side in pixels of the pictures of a place
+OUTLINES = 8  # circles tried in each place
+CONFIDENCE = 0.3  # below it no sphere was found; objects without one stayed below 0.2
+MIRRORS = 0.7  # part of the pictures whose highlight is a mirror's
+SPREAD = 0.03  # of the highlights, in radii, below which they do not move
+SUPPORTED = 0.15  # unexplained shading below which a circle needs half of CONFIDENCE only
+AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellation, that another one needs
+AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, that is as good as another's
+TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
+ODD = (0.3, 3.0)  # part of the shading that the lights leave unexplained, and times what any lights would
+TOLD_DEG = 5.0  # mean angle between the lights of two circles that is worth telling
+
+
+@dataclass(frozen=True)
+class Found:
+    """A circle, how it mirrors, and how it compares.
+
+    Parameters
+    ----------
+    xy : (n, 2) its highlights, NaN where a picture has none
+    mirrored : part of the pictures whose highlight is a mirror's
+    rival : confidence of the best circle elsewhere
+    notes : what the user is to know
+    supported : its lights explain the shading of the rest of the frame
+    unexplained : part of that shading which they don't
+    """
+
+    circle: Circle
+    xy: np.ndarray = field(repr=False)
+    mirrored: float
+    rival: float = 0.0
+    notes: tuple[str, ...] = ()
+    supported: bool = False
+    unexplained: float = 0.0
+
+    @property
+    def good(self) -> bool:
+        """Whether it mirrors inside a circle that may be an outline."""
+        return self.circle.confidence >= CONFIDENCE / 2 and self.mirrored >= MIRRORS
+
+    @property
+    def merit(self) -> float:
+        """Larger, surer, more of a mirror."""
+        return float(self.mirrored * self.circle.confidence * np.sqrt(self.circle.r))
+
+
+def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Sequence[Photograph] = ()) -> list[Found]:
+    """The mirror spheres that `n` photographs of one size show, the best first.
+
+    Parameters
+    ----------
+    extra : pictures under other lights, which only show outlines
+    where : what errors call them
+
+    Raises
+    ------
+    SphereError
+        If fewer than `count` were found, or one is cut by the border.
+    """
+    survey = Survey.of(read, n, extra)
+    looked = _looked_at(survey, read, n, extra)
+    left, balls = [f for f in looked if f.good], []
+    while left:
+        first = max(left, key=lambda f: f.merit)
+        around = [f for f in left if _overlap(f.circle, first.circle)]
+        balls.append(_best(around, survey, where))
+        left = [f for f in left if not any(_overlap(f.circle, a.circle) for a in around)]
+    balls = [f for f in balls if f.circle.confidence >= CONFIDENCE or f.supported]
+    balls.sort(key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]))
+    chosen, others = balls[:count], balls[count:]
+    if len(chosen) < count:
+        raise _refusal(looked, len(chosen), count, where)
+    for f in chosen:
+        f.circle.check_inside(survey.shape, where)
+    if others:
+        note = (
+            f"another ball that mirrors was seen in {where} at {others[0].circle} and not used; --count {count + 1} "
+            "uses both, --circle x,y,r chooses one."
+        )
+        chosen[0] = replace(chosen[0], notes=(*chosen[0].notes, note))
+    return [
+        replace(f, rival=max([g.circle.confidence for g in looked if not _overlap(f.circle, g.circle)] + [0.0]))
+        for f in chosen
+    ]
+
+
+def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photograph]) -> list[Found]:
+    """Circles of all places, those alike once."""
+    h, w = survey.shape
+    boxes = [_box(place, (h, w)) for place in survey.constellations()]
+    crops = [([], []) for _ in boxes]
+    for k in range(n + len(extra)) if boxes else []:
+        picture = read(k) if k < n else extra[k - n](0)
+        for (rows, columns, scale), (roots, dark) in zip(boxes, crops, strict=True):
+            part = picture[rows, columns]
+            roots.append(root(part, scale))
+            if k < n:
+                dark.append(resized(darkest(part), scale))
+    found = []
+    for (rows, columns, scale), (roots, dark) in zip(boxes, crops, strict=True):
+        found += _in_place(roots, np.stack(dark), columns.start, rows.start, scale)
+    found += _in_place(survey.roots, survey.dark / np.float32(255), 0, 0, survey.scale)
+    found.sort(key=lambda f: -f.circle.confidence)
+    apart: list[Found] = []
+    for f in found:
+        a = f.circle
+        if all(np.hypot(a.x - b.x, a.y - b.y) + abs(a.r - b.r) > 0.04 * b.r + 1 for b in (g.circle for g in apart)):
+            apart.append(f)
+    return apart
+
+
+def _box(place: tuple[float, float, float], shape: tuple[int, int]) -> tuple[slice, slice, float]:
+    """Rows and columns around a constellation, and the scale that its pictures are looked at in."""
+    x, y, s = place
+    half = AROUND * s + 4
+    rows, columns = (slice(max(0, int(c - half)), min(m, int(c + half) + 1)) for c, m in ((y, shape[0]), (x, shape[1])))
+    side = max(rows.stop - rows.start, columns.stop - columns.start)
+    return rows, columns, float(np.clip(1.0, PLACE_SIZE / side, WORKING_SIZE / side))
+
+
+def _in_place(roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale: float) -> list[Found]:
+    """The circles of one place, in pixels of the photographs; pictures that begin at (x0, y0)."""
+    found = []
+    for c in outlines(roots, OUTLINES, max(1.0, scale)):
+        xy, mirrored = _mirrored(c, dark) if c.confidence >= CONFIDENCE / 2 else (np.full((len(dark), 2), np.nan), 0.0)
+        circle = Circle(
+            (c.x + 0.5) / scale - 0.5 + x0,
+            (c.y + 0.5) / scale - 0.5 + y0,
+            c.r / scale,
+            c.confidence,
+            c.residual_px / scale,
+        )
+        found.append(Found(circle, (xy + 0.5) / scale - 0.5 + (x0, y0), mirrored))
+    return found
+
+
+def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
+    """Highlights (n, 2) inside a circle, NaN where there are none, and the part of the pictures that mirror."""
+    a, b = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
+    part = dark[:, b : int(circle.y + circle.r) + 2, a : int(circle.x + circle.r) + 2]
+    within = Circle(circle.x - a, circle.y - b, circle.r)
+    highlights = looked_for(part, within) if part.size else [None] * len(dark)
+    xy = np.array([(h.x + a, h.y + b) if h else (np.nan, np.nan) for h in highlights])
+    mirrored = float(np.mean([is_a_mirror_s(h, within) for h in highlights]))
+    moves = mirrored > 0 and np.linalg.norm(np.nanstd(xy, axis=0)) >= SPREAD * circle.r
+    return xy, mirrored if moves else 0.0
+
+
+def _overlap(a: Circle, b: Circle) -> bool:
+    return np.hypot(a.x - b.x, a.y - b.y) < 0.9 * max(a.r, b.r)
+
+
+def _best(around: list[Found], survey: Survey, where: str) -> Found:
+    """Of circles around one constellation: the surest whose lights explain the frame's shading as well as any.
+
+    Where circles explain it as well but mean other lights, the outermost.
+    """
+    I = survey.shading([f.circle for f in around])
+    both = np.all([np.isfinite(f.xy).all(1) for f in around], axis=0)
+    lights = [directions(f.circle, f.xy[both])[0] for f in around]
+    fits = np.array([unexplained(I[both], L) for L in lights])  # (rings, 2)
+    told = bool(np.isfinite(fits).all() and both.sum() >= 5)
+    limit = AS_WELL[0] * fits[:, 0].min() + AS_WELL[1] if told else np.inf
+    fitting = [k for k in range(len(around)) if not fits[k, 0] > limit]
+    surest = max(around[k].circle.confidence for k in fitting)
+    sure = [k for k in fitting if around[k].circle.confidence >= AS_SURE * surest]
+    outer = max(sure, key=lambda k: around[k].circle.r)
+    alike = [k for k in sure if angle_deg(lights[k], lights[outer]).mean() < TOLD_DEG]
+    chosen = max(alike, key=lambda k: around[k].circle.confidence)
+    notes, left, least = [], *fits[chosen]
+    told_of = TOLD_WELL[0] * fits[:, 0].min() + TOLD_WELL[1] if told else np.inf
+    off = [float(angle_deg(L, lights[chosen]).mean()) for L in lights]
+    others = [k for k in range(len(around)) if off[k] > TOLD_DEG and not fits[k, 0] > told_of]
+    if others:
+        other = max(others, key=lambda k: around[k].circle.confidence)
+        notes.append(
+            f"{where} shows another circle around the highlights, at {around[other].circle}, in which the lights would "
+            f"be {off[other]:.0f} degrees elsewhere; look at the picture, and give --circle x,y,r if it is right."
+        )
+    if told and left > ODD[0] and left > ODD[1] * least:
+        notes.append(
+            f"the lights of the sphere at {around[chosen].circle} of {where} do not explain how the rest of the frame "
+            "is shaded; look at the picture, and give --circle x,y,r where the circle is off."
+        )
+    supported = told and left < SUPPORTED and left < limit
+    unexplained_part = left if told else ODD[0]
+    return replace(around[chosen], notes=tuple(notes), supported=supported, unexplained=unexplained_part)
+
+
+def _refusal(looked: list[Found], found: int, count: int, where: str) -> SphereError:
+    best = max(looked, key=lambda f: (f.circle.confidence >= CONFIDENCE, f.mirrored, f.circle.confidence), default=None)
+    tried = "no edges"
+    if best is not None:
+        c = best.circle
+        tried = (
+            f"the best circle at {c} has a confidence of {c.confidence:.2f}, {CONFIDENCE} is needed"
+            if c.confidence < CONFIDENCE
+            else f"the circle at {c} mirrors the light in {100 * best.mirrored:.0f} % of the pictures, "
+            f"{100 * MIRRORS:.0f} % are needed"
+        )
+    return SphereError(
+        f"{found} of {count} mirror spheres were found in {where} ({tried}); "
+        "give --circle x,y,r in pixels from the upper left, or put a mask picture into the folder.",
+        () if best is None else (best.circle,),
+    )

@@ -1,0 +1,149 @@
+"""Photographs that show mirror spheres -> where they are, where lights are reflected, and from which directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool
+
+from photonormal.calibration.circle import Circle, SphereError, from_mask
+from photonormal.calibration.highlight import Highlight, check_highlights, darkest, looked_for
+from photonormal.calibration.mirror import directions
+from photonormal.calibration.search import Found, find_spheres
+from photonormal.calibration.survey import Photograph
+from photonormal.types import InputError
+
+GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
+
+
+@dataclass(frozen=True)
+class Projection:
+    """What is known of the camera.
+
+    Parameters
+    ----------
+    focal_px : focal length in pixels; None: orthographic, a camera far away
+    centre : where the axis meets the picture, (x, y) in pixels; None: its middle
+    """
+
+    focal_px: float | None = None
+    centre: tuple[float, float] | None = None
+
+    def axis(self, shape: Sequence[int]) -> tuple[float, float]:
+        """Where the axis meets a picture of shape (h, w)."""
+        return self.centre or ((shape[1] - 1) / 2, (shape[0] - 1) / 2)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """One mirror sphere under `n` lights.
+
+    Parameters
+    ----------
+    where : the folder that shows it
+    circle : its outline
+    rival : confidence of the best circle found elsewhere
+    highlights : n reflections, None where a picture has none
+    L : (n, 3) unit directions to the lights, NaN without a highlight
+    points : (n, 3) where they were reflected, see `mirror.directions`
+    shape : (h, w) of the photographs
+    notes : what the search wants the user to know
+    """
+
+    where: str
+    circle: Circle
+    rival: float
+    highlights: tuple[Highlight | None, ...]
+    L: np.ndarray
+    points: np.ndarray
+    shape: tuple[int, int]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def confidence(self) -> str:
+        """In words."""
+        c = self.circle.confidence
+        return "good" if c >= GOOD else "fair" if c >= FAIR else "poor: look at the picture"
+
+    def of(self, shown: Bool[np.ndarray, " n"]) -> Sphere:
+        """The same under some of the lights."""
+        highlights = tuple(h for h, there in zip(self.highlights, shown, strict=True) if there)
+        return replace(self, highlights=highlights, L=self.L[shown], points=self.points[shown])
+
+    def doubts(self, names: Sequence[str]) -> list[str]:
+        """One line for each thing that may be wrong."""
+        found = list(self.notes)
+        if self.circle.confidence < FAIR:
+            found.append(
+                f"the sphere in {self.where} was found with a confidence of {self.circle.confidence:.2f} only; look at "
+                "the picture, and give --circle x,y,r where the circle is off."
+            )
+        missing = [name for name, h in zip(names, self.highlights, strict=True) if h is None]
+        if missing:
+            found.append(
+                f"no highlight was found on the sphere in {', '.join(missing)} of {self.where}: the light is off "
+                f"there, or behind the sphere; the other {len(names) - len(missing)} lights can be used."
+            )
+        doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h and h.rivals]
+        if doubtful:
+            found.append(
+                f"{len(doubtful)} pictures of {self.where} ({', '.join(doubtful[:3])}{', ...' * (len(doubtful) > 3)}) "
+                "have several reflections of similar strength and the strongest was taken; look at the picture, switch "
+                "other lamps off, or leave those pictures out."
+            )
+        try:
+            self.circle.check_inside(self.shape, self.where)
+        except InputError as error:  # only a circle that was given gets here
+            found.append(f"{error} A given circle's y counts from the upper edge.")
+        return found
+
+
+def look_at_spheres(
+    read: Photograph,
+    shape: Sequence[int],
+    names: Sequence[str],
+    where: str,
+    circles: Sequence[Circle] = (),
+    mask: Bool[np.ndarray, "h w"] | None = None,
+    extra: Sequence[Photograph] = (),
+    spheres: int = 1,
+    camera: Projection | None = None,
+) -> list[Sphere]:
+    """The mirror spheres of `n` photographs of shape (h, w).
+
+    Their outlines are the `circles` given, or the `mask`'s, or are found in the photographs and the `extra` ones.
+
+    Raises
+    ------
+    SphereError
+        If a sphere is not found or cut by the border, or several photographs show no highlight on it.
+    """
+    camera = camera or Projection()
+    if circles:
+        for c in circles:
+            if not (c.r > 2 and -c.r < c.x < shape[1] + c.r and -c.r < c.y < shape[0] + c.r):
+                raise SphereError(
+                    f"--circle {c.x:g},{c.y:g},{c.r:g} lies outside {where}, {shape[1]} x {shape[0]} pixels; give x "
+                    "and y of its centre from the upper left, and its radius, in pixels."
+                )
+    elif mask is not None and spheres == 1:
+        circles = [from_mask(mask, where)]
+    found = [Found(c, np.empty((0, 2)), 1.0) for c in circles] or find_spheres(read, len(names), where, spheres, extra)
+    return [_one(read, shape, names, where, f, camera) for f in found]
+
+
+def _one(
+    read: Photograph, shape: Sequence[int], names: Sequence[str], where: str, found: Found, camera: Projection
+) -> Sphere:
+    circle = found.circle
+    x0, y0 = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
+    box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
+    cut = Circle(circle.x - x0, circle.y - y0, circle.r)
+    highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
+    check_highlights(highlights, names, circle, where)
+    moved = tuple(h and h.moved(x0, y0) for h in highlights)
+    xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
+    L, points = directions(circle, xy, camera.focal_px, camera.axis(shape))
+    return Sphere(where, circle, found.rival, moved, L, points, (shape[0], shape[1]), found.notes)

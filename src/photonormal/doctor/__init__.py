@@ -1,0 +1,53 @@
+"""Capture -> what is wrong with it, before anyone measures it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from photonormal.doctor.finding import Finding
+
+if TYPE_CHECKING:
+    from photonormal.types import Capture
+
+
+def check(capture: Capture) -> list[Finding]:
+    """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
+
+    What was assumed on reading, saturation, darkness, bits and encoding, coverage by the lights, lamps' positions,
+    lights in another order or frame, intensities, ambient light and motion. Tests that need light directions are left
+    out where they are unknown. Where lamps are near, pictures are first made what distant ones would give, for a plane
+    at the object's mean depth.
+    """
+    from photonormal.arrays import as_capture
+    from photonormal.doctor import coverage, explanations, exposure, lights, motion, positions, samples
+    from photonormal.doctor.given import Distant, Near
+    from photonormal.srgb import from_linear, to_linear
+
+    capture = as_capture(capture)
+    s, names = samples.read(capture), list(capture.image_names)
+    found = [Finding("reading", False, note) for note in capture.notes]
+    found += [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
+    if capture.lights is not None and (s.I > 0).any():
+        found += coverage.coverage(capture.lights)
+        I, mask = samples.on_object(s)
+        found += samples.no_mask(s.mask, mask)
+        if capture.lamps is not None and capture.camera is not None:
+            X = capture.camera.plane_mm(*capture.mask.shape)[s.grid][mask]
+            given = Near(I, X, capture.lamps)
+            found += positions.positions(given, names)
+        else:
+            given = Distant(I, capture.lights)
+        lost = (given.levels > 0).any(axis=0) > (given.seen() > 0).any(axis=0)  # by lamps that shine elsewhere
+        if not lost.any():
+            other = explanations.explanation(given, mask, s.bits, capture.linearised)
+            if other and other[0].lights is not None:
+                given = Distant(I, other[0].lights)
+            if other and other[0].kind == "encoding":
+                change = from_linear if capture.linearised else to_linear
+                given = given.showing(change(given.levels / given.levels.max()))
+            wrong, given = lights.disagreement(given, mask, names)
+            found += [*wrong, *other]
+            if not other:  # which changes brightnesses by itself
+                found += lights.intensities(given, mask, names)
+    found += motion.motion(s.small, s.scale, names)
+    return sorted(found, key=lambda f: not f.grave)

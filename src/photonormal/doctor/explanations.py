@@ -1,0 +1,154 @@
+"""What else may be wrong with pictures that their lights explain badly: each explanation is tried, the best is told.
+
+Other light that stays on, pictures that are not linear, lamps that are near, directions halfway to the right ones.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.doctor.finding import Finding
+from photonormal.doctor.given import Given, Near
+from photonormal.doctor.misfit import Gain, Pixels
+from photonormal.srgb import from_linear, to_linear
+
+WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
+NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
+HALFWAY = 0.5  # misfit with twice the zenith angles
+OFFSET, ENCODED = 0.6, 0.7  # misfit with light that stays on, and of linearised samples
+AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
+ON, OF_PIXELS = 0.08, 0.8  # that light, as part of full brightness, and the pixels that show most of it
+MOST = 0.06  # of it
+STEEPER = 2.2  # relative errors grow so much where samples are linearised
+BEHIND = -0.1  # z of a light below which it can't have lit the object
+FAINT = 0.05  # of the brightest pixels' level, below which a pixel tells nothing
+SAME = 0.05  # deviation of a pixel's samples, as part of their mean, that nine tenths of the pixels stay below
+RING, NEVER_DARK = 0.003, 0.25  # of the largest singular value; and of a pixel's mean
+GRAVE = 0.12  # light that stays on, above which it spoils the normals
+
+
+def explanation(given: Given, mask: Bool[np.ndarray, "h w"], bits: int | None, linearised: bool) -> list[Finding]:
+    """The explanation that leaves least of the misfit; none where none leaves clearly less in all of the object.
+
+    `bits` of the samples, None for floats; `linearised` where they were encoded, by their files' word or the user's.
+    """
+    L = given.directions()
+    pixels = Pixels.of(given.seen(), mask)
+    if pixels is None:
+        return _hardly_differ(given.levels, L)
+    before = pixels.fit(L)[1]
+    tried = [_staying_on(pixels, L, before, None if linearised else bits)]
+    if linearised:
+        tried.append(_linear_before(pixels, L, before))
+    if not isinstance(given, Near):
+        tried += [_near(pixels, L, before), _halfway(pixels, L, before)]
+    found = [t for t in tried if t is not None]
+    return [min(found, key=lambda t: t[0])[1]] if found else _hardly_differ(given.levels, L)
+
+
+def _hardly_differ(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> list[Finding]:
+    """Pictures that are nearly the same, and lights on one ring, under which c of I = b.l + c can't be told."""
+    level = I.mean(1)
+    J = I[level > FAINT * np.quantile(level, 0.95)]
+    level = J.mean(1).clip(1e-12)
+    darkest = float(np.quantile(J.min(1) / level, 0.01))
+    differ = float(np.quantile(J.std(1) / level, 0.9))
+    s = np.linalg.svd(np.concatenate([L, np.ones((len(L), 1))], axis=1), compute_uv=False)
+    ring = len(L) == 3 or s[3] < RING * s[0]
+    if differ > SAME and not (ring and darkest > NEVER_DARK):
+        return []
+    message = (
+        f"the pictures hardly differ: no part of the object falls below {100 * darkest:.0f} % of its mean in any of "
+        "them. If other light was on (ambient light), which lamps on one ring can't tell, give a picture taken with "
+        "all lamps off as --dark; otherwise place the lamps lower."
+    )
+    return [Finding("contrast", differ < SAME, message, {"differ": round(differ, 4), "darkest": round(darkest, 4)})]
+
+
+def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | None) -> tuple[float, Finding] | None:
+    """I = b.l + c with c above zero in most pixels: other light, or a picture whose encoding lifts the dark."""
+    b, after = pixels.fit(np.concatenate([L, np.ones((len(L), 1))], axis=1))
+    on = b[:, 3] / np.linalg.norm(b[:, :3], axis=1).clip(1e-9)
+    level, share = float(np.median(on)), float((on > MOST).mean())
+    if level < ON or share < OF_PIXELS:
+        return None
+    offset = pixels.gain(before, after)
+    linear = Gain(1.0, False)
+    if bits is not None:
+        linear = pixels.gain(before, pixels.showing(to_linear(pixels.I)).fit(L)[1])
+    if linear.below(ENCODED) and linear.left < STEEPER * offset.left:
+        message = (
+            "the pictures look sRGB-encoded: linearised they fit a matt surface "
+            f"{1 / max(linear.left, 0.01):.1f} times better; add --srgb, or export linear pictures."
+        )
+        return linear.left / STEEPER, Finding("encoding", True, message, {"misfit_linearised": round(linear.left, 4)})
+    if not offset.below(OFFSET):
+        return None
+    message = (
+        f"ambient light: {100 * level:.0f} % of full brightness is there whichever lamp is lit; darken the room, or "
+        "give a picture taken with all lamps off as --dark. If the pictures are sRGB-encoded, add --srgb first."
+    )
+    numbers = {"ambient_level": round(level, 4), "misfit_left": round(offset.left, 4)}
+    return offset.left, Finding("ambient", level > GRAVE, message, numbers)
+
+
+def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+    """I = b.l + c with c below zero in most pixels, and none with the curve that was applied taken back."""
+    b = pixels.fit(np.concatenate([L, np.ones((len(L), 1))], axis=1))[0]
+    if np.median(b[:, 3] / np.linalg.norm(b[:, :3], axis=1).clip(1e-9)) > TAKEN:
+        return None
+    gain = pixels.gain(before, pixels.showing(from_linear(pixels.I.clip(0, 1))).fit(L)[1])
+    if not gain.below(AGAIN):
+        return None
+    message = (
+        "the pictures were linearised, but fit a matt surface "
+        f"{1 / max(gain.left, 0.01):.1f} times better as their files store them: they look linear, whatever is said of "
+        "them; leave --srgb out, or add --linear."
+    )
+    return gain.left, Finding("encoding", True, message, {"misfit_as_stored": round(gain.left, 4)})
+
+
+def _near(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+    """Each picture is brighter on its lamp's side, as on a plane under lamps at one distance."""
+    gains = [pixels.gain(before, pixels.fit(at_distance(pixels.place, L, d))[1]) for d in WIDTHS]
+    k = int(np.argmin([g.left for g in gains]))
+    if not gains[k].below(NEAR):
+        return None
+    mirrored = pixels.gain(before, pixels.fit(at_distance(-pixels.place, L, WIDTHS[k]))[1])
+    if gains[k].left > MIRRORED * mirrored.left:
+        return None
+    message = (
+        "the lamps are near: each picture is brighter on its lamp's side, as if lamps were about "
+        f"{WIDTHS[k]:g} widths of the object away, but directions alone are taken for distant lamps. Give --mm-per-px "
+        "with --dome-radius-mm or positions in mm, or a white picture for each light with --flat FOLDER."
+    )
+    numbers: dict[str, Any] = {"distance_widths": WIDTHS[k], "misfit_left": round(gains[k].left, 4)}
+    return gains[k].left, Finding("near", True, message, numbers)
+
+
+def at_distance(
+    place: Float[np.ndarray, "p 2"], L: Float[np.ndarray, "n 3"], widths: float
+) -> Float[np.ndarray, "p n 3"]:
+    """Lights (p, n, 3) of each pixel, longer where more arrives, for lamps so far from a plane's middle."""
+    d = widths * L - np.concatenate([place, np.zeros((len(place), 1))], axis=1)[:, None]
+    return widths**2 * d / np.linalg.norm(d, axis=-1, keepdims=True) ** 3
+
+
+def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+    """Directions are the normals of a mirror sphere where it shows the lamps."""
+    reflected = 2 * L[:, 2:] * L - [0, 0, 1]
+    if reflected[:, 2].min() < BEHIND:
+        return None
+    gain = pixels.gain(before, pixels.fit(reflected)[1])
+    if not gain.below(HALFWAY):
+        return None
+    message = (
+        "the lights' directions are halfway to the right ones: doubling their angles to the camera's axis fits "
+        f"{1 / max(gain.left, 0.01):.1f} times better. They look like a mirror sphere's normals at its highlights, but "
+        "the reflections there are needed, 2 (n.v) n - v."
+    )
+    numbers = {"misfit_left": round(gain.left, 4)}
+    return gain.left, Finding("halfway", True, message, numbers, lights=reflected)

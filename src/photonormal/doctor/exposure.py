@@ -1,0 +1,87 @@
+"""Saturation, darkness and bits of the photographs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.samples import Samples
+from photonormal.types import Capture
+
+SATURATED = 0.05  # of a picture's samples
+BLACK = 0.05  # level of a picture, as part of the median of all, below which its lamp was off
+CLIPPED = 0.125  # of all samples at zero
+MOSTLY, ZERO = 2 / 3, 0.25  # of the pictures in which a pixel is black, and of such pixels: facing away is no fault
+DIM = 0.04  # median level, as part of full scale, below which 8 bits quantise by more than five per cent
+
+
+def saturation(samples: Samples, capture: Capture) -> list[Finding]:
+    """Pictures that reach white."""
+    bad = np.flatnonzero(samples.saturated > SATURATED)
+    if not bad.size:
+        return []
+    worst = bad[np.argsort(-samples.saturated[bad])]
+    names = [capture.image_names[j] for j in worst]
+    return [
+        Finding(
+            "saturation",
+            bool(samples.saturated.mean() > SATURATED),
+            f"{len(bad)} pictures are saturated on more than {100 * SATURATED:.0f} % of the object ({listed(names)}; "
+            f"up to {100 * samples.saturated[worst[0]]:.0f} %); expose them less, or trim highlights.",
+            {"pictures": names, "saturated_percent": round(100 * float(samples.saturated.mean()), 2)},
+        )
+    ]
+
+
+def darkness(samples: Samples, capture: Capture) -> list[Finding]:
+    """Pictures without light, and objects that most pictures leave black."""
+    found = []
+    black = np.flatnonzero(samples.I.mean(0) < BLACK * np.median(samples.I.mean(0)))
+    if black.size:
+        names = [capture.image_names[j] for j in black]
+        found.append(
+            Finding(
+                "darkness",
+                True,
+                f"{len(black)} pictures are black ({listed(names)}): their lamps were off or point elsewhere; leave "
+                "them and their lights out, or photograph them again.",
+                {"pictures": names},
+            )
+        )
+    lit = np.delete(samples.I, black, axis=1)
+    dark = float(((lit <= 0).mean(1) > MOSTLY).mean()) if lit.size else 0.0
+    if dark > ZERO:
+        found.append(
+            Finding(
+                "darkness",
+                True,
+                f"{100 * dark:.0f} % of the object is black in most pictures; expose more, keep more bits, or check "
+                "that the mask covers the object only.",
+                {"dark_percent": round(100 * dark, 2)},
+            )
+        )
+    return found
+
+
+def bits(samples: Samples, capture: Capture) -> list[Finding]:
+    """Pictures of eight bits, and whether they hold enough of them."""
+    if samples.bits != 8:
+        return []
+    level = float(np.median(samples.level))
+    clipped = float(samples.saturated.mean()) > SATURATED / 5 or float(samples.zero.mean()) > CLIPPED
+    dim = level < DIM
+    if not (dim or clipped):
+        return []
+    kind = (
+        "16-bit files hold 8-bit samples" if getattr(capture.images, "dtype", None) == np.uint16 else "8-bit pictures"
+    )
+    what = f"half of the samples lie below level {255 * level:.0f} of 255" if dim else "clipped at black or white"
+    return [
+        Finding(
+            "bits",
+            dim,
+            f"{kind}, {what}; photograph RAW or export 16-bit TIFF or PNG"
+            f"{', and expose more' if dim else ', and keep highlights and shadows inside the range'}.",
+            {"bits": 8, "median_level": round(level, 4)},
+        )
+    ]

@@ -1,0 +1,129 @@
+"""Lights that disagree with the pictures: their order, their frame, their intensities."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Bool, Int
+
+from photonormal.calibration.intensities import SHADOW, robust_normals, self_calibrated
+from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.frame import GIVEN, Surface, Verdict, judged, wrong_frame
+from photonormal.doctor.given import Given, Near
+from photonormal.doctor.misfit import Pixels
+from photonormal.doctor.order import BETTER, Orders, name_of
+
+OFF = 1.25  # factor by which a light's intensity may be off before it is said
+SPREADS = 4.0  # and how many spreads of the other lights' factors
+LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
+EXPLAINED = 0.4  # of the misfit is left at most with those factors
+ORDERS = 12  # that are looked at closely
+MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
+
+
+def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> tuple[list[Finding], Given]:
+    """The order or the frame of the lights, where another one fits the pictures; both where both are wrong.
+
+    Also the lights that do fit. Orders of near lamps are looked for among directions alone, and have to explain the
+    pictures from where the lamps are, too.
+    """
+    orders = Orders.of(given.levels, given.directions())
+    better = orders.better(names)
+    if isinstance(given, Near) and better:
+        limit = BETTER * explained(given)
+        better = [order for order in better if explained(given.reordered(order)) < limit]
+    given_as_is = surface_of(given, mask)
+    plain = judged(given_as_is)
+    tried = [(order, judged(surface_of(given.reordered(order), mask))) for order in better[:ORDERS]]
+    tried = [(order, v) for order, v in tried if v.curl <= MORE_CURL * plain.curl]  # surfaces have the least of it
+    if tried:
+        return _reordered(given, names, orders, tried)
+    found = wrong_frame(given_as_is)
+    if found is None:
+        return [], given
+    finding, M = found
+    fixed = given.turned(M)
+    return [replace(finding, lights=fixed.vectors if finding.numbers["half_turn_told"] else None)], fixed
+
+
+def explained(given: Given) -> float:
+    """Misfit of the lights as they are, 0 as low as three dimensions allow, 1 as bad as chance."""
+    L = given.directions()
+    return Orders.of(given.seen(), L).misfit(np.arange(len(L)))
+
+
+def surface_of(given: Given, mask: Bool[np.ndarray, "h w"]) -> Surface:
+    """What the lights make of the pictures, shadows and highlights left aside."""
+    I, L = given.seen(), given.directions()
+    return Surface(I, robust_normals(I, L, I > SHADOW * np.quantile(I, 0.99)), mask, L)
+
+
+def _reordered(
+    given: Given, names: Sequence[str], orders: Orders, tried: list[tuple[Int[np.ndarray, " n"], Verdict]]
+) -> tuple[list[Finding], Given]:
+    """Of equally good orders the first that needs no other frame; else the first, with its frame corrected.
+
+    Corrected lights are told where they are certain.
+    """
+    order, verdict = next((t for t in tried if t[1].frame == GIVEN), tried[0])
+    also = "" if verdict.frame == GIVEN else f", and {verdict.name()}"
+    before, after = orders.misfit(np.arange(len(names))), orders.misfit(order)
+    right = given.reordered(order).turned(verdict.frame.matrix())
+    sure = orders.sure(order) and (verdict.half or not also)
+    if sure:
+        todo = ", or use the corrected one"
+    elif verdict.half or not also:
+        todo = "; others fit nearly as well, so no corrected one is written"
+    else:
+        todo = "; half a turn can't be told from the shading, so no corrected one is written"
+    finding = Finding(
+        "order",
+        True,
+        f"the lights are not in the pictures' order: {name_of(order, names)} fits{also} (misfit {after:.2f} "
+        f"instead of {before:.2f}, 1 is chance); put the lights' file in that order{todo}.",
+        {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(order, names)},
+        lights=right.vectors if sure else None,
+    )
+    return [finding], right
+
+
+def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> list[Finding]:
+    """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts."""
+    pixels, L = Pixels.of(given.seen(), mask), given.directions()
+    if pixels is None:
+        return []
+    e, _ = self_calibrated(pixels.I, L)
+    factor = e / np.median(e)
+    evened = pixels.showing(pixels.I / factor)
+    b, after = evened.fit(L)
+    numbers = {"factors": [round(float(f), 4) for f in factor]}
+    spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
+    if spread > np.log(OFF):
+        before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
+        smoother = judged(even).curl < LESS_CURL * judged(before).curl
+        if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):
+            return []
+        message = (
+            f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
+            "give light_intensities.txt, or calibrate them."
+        )
+        return [Finding("intensities", True, message, numbers)]
+
+    def confirmed(j: int) -> bool:
+        shown, lit = (b @ L[j]).clip(0), pixels.lit[:, j] & (b @ L[j] > 0)
+        before, after = (np.abs(p.I[:, j] - shown) / pixels.level for p in (pixels, evened))
+        return pixels.gain(before, after, lit).below(EXPLAINED)
+
+    off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
+    off = np.array([j for j in off if confirmed(int(j))], int)
+    if not off.size:
+        return []
+    worst = off[np.argsort(-np.abs(np.log(factor[off])))]
+    text = listed([f"{names[j]} x {factor[j]:.2f}" for j in worst])
+    message = (
+        f"{len(off)} lights are brighter or darker than given ({text}); correct light_intensities.txt or the "
+        "exposure, or leave those pictures out."
+    )
+    return [Finding("intensities", False, message, numbers)]

@@ -1,0 +1,141 @@
+"""One pass over a capture's pictures: what every test of the doctor needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.calibration.mask import mask_from_shading
+from photonormal.doctor.finding import Finding
+from photonormal.masked import row_bands
+from photonormal.types import Capture, InputError, box_of
+
+PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
+MARGIN = 8  # pixels kept around the mask
+SMALL = 300  # longest side of the pictures that tell motion
+GROUND = 0.15  # of the object's brightness, below which the ground around it is dark
+CAP = 0.995  # quantile of all samples above which they are cut: highlights say nothing of the order
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Grey levels of `n` pictures and counts of what their sensors could not hold.
+
+    Parameters
+    ----------
+    I : (p, n) grey levels on the grid's pixels inside the mask
+    mask : (h, w) bool, the grid
+    grid : its rows and columns in the photographs
+    saturated, zero : (n,) fraction of the mask's samples
+    level : (n,) median grey level inside the mask, as a fraction of full scale
+    small : (n, a, b) grey pictures of the mask's box at `scale`
+    bits : 8, 12 or 16 that the samples really use; None for floats
+    """
+
+    I: Float[np.ndarray, "p n"]
+    mask: Bool[np.ndarray, "h w"]
+    grid: tuple[slice, slice]
+    saturated: Float[np.ndarray, " n"]
+    zero: Float[np.ndarray, " n"]
+    level: Float[np.ndarray, " n"]
+    small: Float[np.ndarray, "n a b"]
+    scale: float
+    bits: int | None
+
+
+def read(capture: Capture) -> Samples:
+    """Decode every picture once, in threads."""
+    mask = capture.mask
+    rows, columns = box_of(mask, MARGIN)
+    object_rows, object_columns = box_of(mask)
+    step = max(1, int(np.ceil(np.sqrt(mask.sum() / PIXELS))))
+    grid = np.s_[object_rows.start :: step, object_columns.start :: step]
+    scale = min(1.0, SMALL / max(mask[rows, columns].shape))
+    bands = row_bands(np.ones((rows.stop - rows.start, columns.stop - columns.start), bool))
+    kind = np.dtype(getattr(capture.images, "dtype", np.float32))
+
+    def one(j: int) -> tuple[np.ndarray, float, float, float, np.ndarray, int]:
+        white = np.inf if capture.saturation is None else capture.saturation[j]
+        full = 1.0 if capture.saturation is None else float(np.mean(capture.saturation[j]))
+        grey = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
+        saturated, zero, on_grid = 0.0, 0.0, []
+        for band in bands:
+            at = slice(rows.start + band.start, rows.start + band.stop)
+            image = capture.window(j, at, columns)
+            inside = image[mask[at, columns]]  # (q, c)
+            saturated += float((inside >= white * (1 - 1e-5)).mean(1).sum())
+            zero += float((inside <= 0).mean(1).sum())
+            np.mean(image, axis=-1, out=grey[band])
+            first = (object_rows.start - at.start) % step, object_columns.start - columns.start
+            some = np.s_[first[0] :: step, first[1] :: step]
+            on_grid.append(image[some][mask[at, columns][some]])
+        inside, count = np.concatenate(on_grid), int(mask.sum())
+        return (
+            inside.mean(-1),
+            saturated / count,
+            zero / count,
+            float(np.median(inside)) / full,
+            _small(grey, scale),
+            _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
+        )
+
+    I, saturated, zero, level, small, bits = zip(*capture.each_image(one), strict=True)
+    levels = np.stack(I, axis=-1).astype(np.float64)
+    return Samples(
+        np.minimum(levels, np.quantile(levels, CAP)),
+        mask[grid],
+        grid,
+        np.array(saturated),
+        np.array(zero),
+        np.array(level),
+        np.stack(small),
+        scale,
+        max(bits) if kind.kind == "u" else None,
+    )
+
+
+def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarray, "h w"]]:
+    """Grey levels and mask of the object; where no mask was given, of what stands out of the ground, if anything does.
+
+    The ground is seldom lit as evenly as the tests of the lights suppose, and has no outline.
+    """
+    if not samples.mask.all():
+        return samples.I, samples.mask
+    try:
+        mask = mask_from_shading(samples.I.T.reshape(-1, *samples.mask.shape))
+    except InputError:
+        return samples.I, samples.mask
+    level = np.quantile(samples.I, 0.9, axis=1)
+    if mask.all() or np.median(level[~mask.ravel()]) > GROUND * np.median(level[mask.ravel()]):
+        return samples.I, samples.mask  # paint, or a shining spot
+    return samples.I[mask.ravel()], mask
+
+
+def no_mask(given: Bool[np.ndarray, "h w"], judged: Bool[np.ndarray, "h w"]) -> list[Finding]:
+    """Where no mask was given and only a part of the frame is the object."""
+    if judged.sum() == given.sum():
+        return []
+    part = 100 * float(judged.mean())
+    message = (
+        f"no mask was given; what stands out of its dark ground was judged, {part:.0f} % of the frame. `photonormal "
+        "mask FOLDER --out FOLDER/mask.png` draws a mask, which keeps the ground out of the results."
+    )
+    return [Finding("mask", False, message, {"object_percent": round(part, 2)})]
+
+
+def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:
+    """Bits that the samples of a 16-bit file use: 8 where all are multiples of 257, 12 where none is above 4095."""
+    if not np.all(np.isfinite(white)):
+        return 16
+    values = np.rint(samples[:: max(1, len(samples) // 4096)] / white * 65535).astype(np.int64)
+    if (values % 257 == 0).all():
+        return 8
+    return 12 if values.max() <= 4095 else 16
+
+
+def _small(grey: np.ndarray, scale: float) -> np.ndarray:
+    import cv2
+
+    return cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else grey

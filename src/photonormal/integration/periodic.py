@@ -1,0 +1,66 @@
+"""Poisson integration by Fourier transforms, for textures that repeat: R. Frankot, R. Chellappa, TPAMI 10(4), 1988."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.fft import irfft2, rfft2
+
+from photonormal.integration.conjugate import conjugate_gradients
+from photonormal.integration.slopes import steps
+from photonormal.types import InputError, Normals, Surface, cores
+
+
+@dataclass(frozen=True)
+class Periodic:
+    """Least squares over a tile whose right edge meets its left one, and whose lower edge meets its upper one.
+
+    In closed form where every pixel has a normal. What slopes add up to from edge to edge, which no tile can have, is
+    spread over all of them. Orthographic views only.
+
+    Parameters
+    ----------
+    grazing : least cosine between a normal and its viewing ray, (0, 1)
+    tolerance : residual, relative to the right-hand side, at which the iteration around holes stops
+    """
+
+    grazing: float = 0.05
+    tolerance: float = 1e-6
+
+    def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
+        if K is not None:
+            raise InputError("a camera matrix came for a tile but one that repeats has no perspective; leave it out.")
+        n, mask = np.moveaxis(normals.map, 2, 0).astype(np.float64), normals.mask
+        a = np.where(mask, np.maximum(n[2], self.grazing), 0)
+        right, down = (mask & np.roll(mask, -1, axis) for axis in (1, 0))
+        gx, gy = steps(-n[0], a, right, 1), steps(n[1], a, down, 0)  # y of the picture runs against y of the frame
+        f = divergence(gx, gy)
+        z = poisson(f)
+        if not mask.all():
+
+            def laplacian(z: np.ndarray) -> np.ndarray:
+                z = z.reshape(mask.shape)
+                return divergence(right * (z - np.roll(z, -1, 1)), down * (z - np.roll(z, -1, 0))).ravel()
+
+            def tile(r: np.ndarray) -> np.ndarray:
+                return poisson(-r.reshape(mask.shape)).ravel()
+
+            z, _ = conjugate_gradients(laplacian, -f.ravel(), z.ravel(), tile, self.tolerance, most=2000)
+            z = z.reshape(mask.shape)
+        return Surface(np.where(mask, z - z[mask].mean(), np.nan), mask)
+
+
+def divergence(gx: Float[np.ndarray, "h w"], gy: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """What flows out of each pixel to its right and lower neighbours, around the edges too, less what flows in."""
+    return gx - np.roll(gx, 1, 1) + gy - np.roll(gy, 1, 0)
+
+
+def poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """z with div grad z = f (five-point, periodic), of mean zero; the mean of `f` is ignored."""
+    h, w = f.shape
+    v, u = (2 * np.cos(2 * np.pi * np.arange(m) / n) - 2 for m, n in ((h, h), (w // 2 + 1, w)))
+    eigenvalues = v[:, None] + u
+    eigenvalues[0, 0] = np.inf
+    return np.asarray(irfft2(np.asarray(rfft2(f, workers=cores())) / eigenvalues, f.shape, workers=cores()))

@@ -1,0 +1,181 @@
+"""The main path as a value: Capture -> Result. It writes nothing; `photonormal.export` does."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import photonormal
+from photonormal.arrays import as_capture
+from photonormal.doctor import check
+from photonormal.integration import integrate
+from photonormal.masked import row_bands
+from photonormal.methods import DEFAULT, configure, options_of
+from photonormal.options import Device, Precision, check_value
+from photonormal.progress import progress
+from photonormal.scoring import score
+from photonormal.types import Capture, Result, box_of
+
+
+def measure(
+    capture: Capture,
+    method: str = DEFAULT,
+    device: str = "auto",
+    options: dict[str, Any] | None = None,
+    integration: str | None = "quadratic",
+    K: np.ndarray | None = None,
+    albedo: bool = True,
+    expected_error: bool = True,
+    examine: bool = True,
+    precision: Precision = "auto",
+) -> Result:
+    """Normals, albedo and depth of one capture; nothing is written.
+
+    Parameters
+    ----------
+    capture : photographs, mask and lights, as `photonormal.load` gives them
+    method : a key of photonormal.methods.METHODS; `options` are its fields
+    device : "auto", "cpu" or "cuda"
+    integration : a key of photonormal.integration.METHODS; None: no depth
+    K : (3, 3) camera matrix of the whole photographs, pixels, for a perspective surface; None: the capture's own, if it
+        has one
+    albedo : whether to find it, which takes lights, given or found by the method; so do expected errors
+    expected_error : whether to tell how far each normal is expected to be off
+    examine : whether to look for faults of the photographs and lights (`photonormal.doctor`), the report's warnings
+    precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
+
+    Raises
+    ------
+    InputError
+        If the method or an option does not exist, or the capture can't be measured by it.
+    """
+    capture = as_capture(capture)
+    check_value(device, Device, "device")
+    check_value(precision, Precision, "precision")
+    solver = configure(method, **(options or {}))
+    seconds: dict[str, float] = {}
+    samples, warnings = None, []
+    if examine:
+        with _stage("read", seconds):
+            samples = _read(capture)
+        with _stage("check", seconds), progress("checking"):
+            warnings = [finding.message for finding in check(capture)]
+    from photonormal.methods.engine import on_mask, run, with_lights
+    from photonormal.methods.engine.device import torch_device
+    from photonormal.methods.engine.near import seen_as_distant
+    from photonormal.methods.learned.processor import computing_in, number_format
+
+    where = torch_device(device)
+    with _stage("solve", seconds):
+        with computing_in(precision):
+            found = run(solver, capture, where)
+            computed_in = number_format(where) if solver.needs.reads == "stream" else None
+        normals = on_mask(found, capture)
+    lit = with_lights(capture, found)
+    if expected_error and lit.lights is not None:
+        from photonormal.methods.expected import with_expected_error
+
+        with _stage("expected error", seconds), progress("expected errors"):
+            lit = seen_as_distant(lit, normals)
+            normals = with_expected_error(normals, found, lit, solver, where)
+    lights, intensities = (None if v is None else v.numpy() for v in (found.lights, found.intensities))
+    del found  # its normals lie in the map
+    rho = surface = None
+    if integration is not None:
+        with _stage("integrate", seconds), progress(f"depth by {integration}"):
+            surface = integrate(normals, integration, K=_camera_matrix(capture, K))
+    if albedo and lit.lights is not None:
+        from photonormal.methods.albedo import lambertian_albedo
+
+        with _stage("albedo", seconds), progress("albedo"):
+            rho = lambertian_albedo(lit, normals)
+    dark = int(capture.mask.sum()) - int(normals.mask.sum())
+    if dark:
+        warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
+    report = {
+        "photonormal": photonormal.__version__,
+        "capture": capture.name,
+        "method": method,
+        "options": options_of(solver),
+        "integration": integration,
+        "device": str(where),
+        "precision": computed_in,
+        "images": list(capture.image_names),
+        "lights": capture.images.shape[0],
+        "crop": None if capture.crop is None else capture.crop.as_dict(),
+        "light": "distant" if capture.lamps is None else "near",
+        "pixels": {"mask": int(capture.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
+        "samples": samples,
+        "seconds": seconds,
+        "peak_memory_mb": _peak_memory_mb(),
+        "weights_sha256": getattr(solver, "weights_sha256", None),
+        "warnings": warnings,
+    }
+    if normals.expected_error_deg is not None:
+        report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
+    if capture.truth is not None:
+        report["score"] = score(normals, capture.truth).as_dict()
+    return Result(capture, normals, rho, surface, lights, intensities, report)
+
+
+def _camera_matrix(capture: Capture, K: np.ndarray | None) -> np.ndarray | None:
+    """The capture's own, or `K` of the whole photographs as one of what the capture shows of them."""
+    if K is None:
+        return None if capture.camera is None else capture.camera.K
+    return K if capture.crop is None else capture.crop.matrix(K)
+
+
+def read_camera(path: Path | None) -> np.ndarray | None:
+    """The camera matrix in a text file of 3 rows; None for an orthographic view."""
+    if path is None:
+        return None
+    from photonormal.capture.texts import read_table
+
+    return read_table(path)
+
+
+def _read(capture: Capture) -> dict[str, float]:
+    """Decode every picture once, in threads; samples inside the mask that are saturated or zero, in per cent."""
+    n, _, _, c = capture.images.shape
+    columns = box_of(capture.mask)[1]
+    with progress(f"reading {n} images", n) as advance:
+
+        def count(j: int) -> tuple[int, int]:
+            # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
+            white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
+            saturated = zero = 0
+            for rows in row_bands(capture.mask):
+                samples = capture.window(j, rows, columns)[capture.mask[rows, columns]]  # (p, c)
+                saturated, zero = saturated + int((samples >= white).sum()), zero + int((samples <= 0).sum())
+            advance()
+            return saturated, zero
+
+        saturated, zero = np.sum(capture.each_image(count), axis=0)
+    total = n * c * int(capture.mask.sum())
+    return {
+        "saturated_percent": round(100 * float(saturated) / total, 3),
+        "zero_percent": round(100 * float(zero) / total, 3),
+    }
+
+
+@contextmanager
+def _stage(name: str, seconds: dict[str, float]) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[name] = round(seconds.get(name, 0.0) + time.perf_counter() - start, 4)
+
+
+def _peak_memory_mb() -> float | None:
+    """Largest resident size of this process so far; None where the system does not say."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1)

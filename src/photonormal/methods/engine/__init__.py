@@ -1,0 +1,88 @@
+"""Between a capture and a method: windows, lamps, priors, memory and devices. A method sees none of them."""
+
+from __future__ import annotations
+
+from contextlib import nullcontext
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from photonormal.masked import on_map
+from photonormal.methods.contract import Method, Solution, Solver, Streaming
+from photonormal.types import Capture, Image, Images, InputError, Normals, window_of
+
+
+def run(method: Method, capture: Capture, device: torch.device) -> Solution:
+    """What a method knows of a capture's pixels on the mask, whether lights are distant or near; on the processor.
+
+    Raises
+    ------
+    InputError
+        If the capture is not what the method needs, or no light reached any pixel.
+    """
+    check(method, capture)
+    if capture.lamps is not None:
+        from photonormal.methods.engine.near import UnderLamps
+
+        return UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)
+    return under_distant_lights(method, capture, device)
+
+
+def check(method: Method, capture: Capture) -> None:
+    """InputError where a capture is not what a method needs."""
+    needs, n = method.needs, capture.images.shape[0]
+    if n < needs.images:
+        from photonormal.methods import name_of
+
+        raise InputError(
+            f"{n} images came but {name_of(method)} needs {needs.images} or more lights; "
+            "add photographs or use woodham."
+        )
+    if needs.lights:
+        capture.known_lights()
+
+
+def under_distant_lights(method: Method, capture: Capture, device: torch.device) -> Solution:
+    """The same where no lamp is near."""
+    from photonormal.methods.engine import samples, stream
+
+    with nullcontext() if method.needs.optimises else torch.inference_mode():
+        if isinstance(method, Streaming):
+            found = stream.streamed(method, capture, device)
+        else:
+            assert isinstance(method, Solver)
+            whole = method.needs.reads == "object"
+            found = (samples.whole_object if whole else samples.by_pixel)(method, capture, device)
+    if not (found.normals.norm(dim=-1) > 0.5).any():
+        raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
+    return found
+
+
+def on_mask(solution: Solution, capture: Capture) -> Normals:
+    """A map of a solution's normals; pixels whose normal is zero are left out of its mask."""
+    found = (solution.normals.norm(dim=-1) > 0.5).numpy()
+    mask = capture.mask.copy()
+    mask[capture.mask] = found
+    return Normals(on_map(solution.normals.numpy(), capture.mask), mask)
+
+
+def with_lights(capture: Capture, solution: Solution) -> Capture:
+    """The capture under the lights, and divided by the intensities, that a method found, if it did."""
+    if solution.intensities is not None:
+        capture = replace(capture, images=Divided(capture.images, solution.intensities.numpy()), saturation=None)
+    return capture if solution.lights is None else replace(capture, lights=solution.lights.double().numpy())
+
+
+class Divided:
+    """Pictures over the intensities of their lights (`photonormal.types.Images`)."""
+
+    def __init__(self, images: Images, intensities: np.ndarray):
+        self.images, self.intensities, self.shape = images, intensities / intensities.mean(), images.shape
+
+    def window(self, j: int, rows: slice, columns: slice) -> Image:
+        """A part of one picture."""
+        return window_of(self.images, j, rows, columns) / self.intensities[j]
+
+    def __getitem__(self, j: int, /) -> Image:
+        return self.window(j, slice(None), slice(None))

@@ -1,0 +1,102 @@
+"""What a first look over the images gives: a prior, what scales the images, and which pixels some light reached."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.methods.contract import Prior
+from photonormal.methods.engine import plan
+from photonormal.methods.engine.frames import frames
+from photonormal.methods.engine.windows import Box
+from photonormal.methods.inputs.grey import grey
+from photonormal.methods.inputs.scaling import moment
+from photonormal.progress import progress
+from photonormal.types import Capture, InputError
+
+PART = 16  # a prior looks at this part of them together
+
+
+@dataclass(frozen=True)
+class FirstLook:
+    """What every window of a box starts from."""
+
+    prior: Float[Tensor, "3 h w"]  # zero outside the mask
+    moments: Tensor  # (1, c, h, w) or (1, 1, 1, 1), see inputs.scaling.moment
+    lit: Bool[Tensor, "h w"]  # some image is not black here
+
+
+def prior_named(name: str) -> Prior | None:
+    """The classical method that a network starts from; None where `name` is empty.
+
+    Raises
+    ------
+    InputError
+        If there is no such method, or it is no prior.
+    """
+    if not name:
+        return None
+    from photonormal.methods import METHODS, method_class
+
+    method = method_class(name)
+    if not issubclass(method, Prior):
+        priors = [m for m, place in METHODS.items() if ".classical." in place and issubclass(method_class(m), Prior)]
+        raise InputError(f"{name} can't be a prior, since it takes no batches; choose from {', '.join(priors)}.")
+    return method()
+
+
+def first_look(scaling: str, capture: Capture, box: Box, device: torch.device, prior: Prior | None) -> FirstLook:
+    """One pass over the images, some rows at a time."""
+    n = capture.images.shape[0]
+    h, w = box.mask.shape
+    N = torch.zeros(3, h, w, device=device)
+    lit = torch.zeros(h, w, dtype=torch.bool, device=device)
+    moments: list[Tensor] = []
+    parts = _rows(box, plan.pixels(capture))
+    with progress("a first look", len(parts) * n) as advance:
+        for rows in parts:
+            seen = rows, slice(0, w)
+            mask = box.mask[seen].to(device)
+            inside = mask.flatten().nonzero()[:, 0]
+            I = torch.empty(len(inside), n if prior else 0, device=device)
+            found: Tensor | None = None
+            for j, images in frames(capture, box, seen, device):
+                level = grey(images)[0, 0, 0]
+                lit[seen] |= level > 0
+                here = moment(scaling, images, mask[None, None])
+                found = here if found is None else found.add_(here)
+                if prior:
+                    I[:, j] = level.flatten()[inside]
+                advance()
+            assert found is not None
+            share = mask.sum() / box.mask.sum().to(device)
+            moments.append((found * share).nan_to_num(0) if found.numel() == 1 else found)
+            if prior:
+                N[:, *seen] = _normals(prior, I, box.lights(capture, seen).to(device), mask)
+    if not (lit & box.mask.to(device)).any():
+        raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
+    N /= N.norm(dim=0, keepdim=True).clamp(min=1e-12)
+    known = torch.stack(moments).sum(0) if moments[0].numel() == 1 else torch.cat(moments, dim=2)
+    return FirstLook(N, known, lit)
+
+
+def _normals(
+    prior: Prior, I: Float[Tensor, "p n"], L: Float[Tensor, "n 3 *hw"], mask: Bool[Tensor, "h w"]
+) -> Float[Tensor, "3 h w"]:
+    found = torch.zeros(3, *mask.shape, device=I.device)
+    step = max(1, plan.levels() // PART // max(1, I.shape[1]))
+    seen = L if L.ndim == 2 else L[:, :, mask].permute(2, 0, 1)  # (p, n, 3)
+    parts = [prior.normals(I[a : a + step], L if L.ndim == 2 else seen[a : a + step]) for a in range(0, len(I), step)]
+    if parts:
+        found[:, mask] = torch.cat(parts).T
+    return found
+
+
+def _rows(box: Box, pixels: int) -> list[slice]:
+    """Rows of the box, so many pixels at a time."""
+    h, w = box.mask.shape
+    step = max(1, pixels // w)
+    return [slice(y, min(y + step, h)) for y in range(0, h, step)]

@@ -1,0 +1,126 @@
+"""Methods that are shown samples: grey levels of some rows of the mask at a time, or of all, and what they find."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cache
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.masked import numbered, row_bands
+from photonormal.methods.contract import Observations, Solution, Solver
+from photonormal.methods.engine import plan
+from photonormal.methods.inputs.blocks import blocks
+from photonormal.methods.inputs.grey import READ, Levels, grey_samples, metallic
+from photonormal.progress import progress
+from photonormal.types import Capture, box_of
+
+
+def by_pixel(method: Solver, capture: Capture, device: torch.device) -> Solution:
+    """What a method finds that treats each pixel by itself: rows by rows, and block by block of them."""
+    dtype = torch.float64 if method.needs.double else torch.float32
+    L = all_lights(capture, device, dtype)
+    found = []
+    with progress("normals", int(capture.mask.sum())) as advance:
+        for I, first, levels, is_metallic in bands(capture, L):
+            keep = levels.lit(levels.cut_(I))
+            for s in blocks(I.shape[0], I.shape[1], device):
+                at = slice(first + s.start, first + min(s.stop, len(I)))
+                lights = lights_at(capture, at, device, dtype) if L is None else L
+                seen = Observations(I[s].to(device, dtype), keep[s].to(device), lights, is_metallic)
+                found.append(method(seen).cpu())
+                advance(at.stop - at.start)
+    return Solution.joined(found)
+
+
+def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solution:
+    """What a method finds that looks at all samples at once, which stay in main memory; lights are on the device."""
+    dtype = torch.float64 if method.needs.double else torch.float32
+    I = grey_levels(capture)
+    levels = Levels.of(I)
+    keep = levels.lit(levels.cut_(I))
+    L = None if capture.lights is None else lights_of(capture, device, dtype)
+
+    def is_metallic() -> bool:
+        return L is not None and metallic(I, keep, L)
+
+    seen = Observations(I, keep, L, is_metallic, torch.from_numpy(capture.mask), lambda: pictures(capture, device))
+    with progress("normals"):
+        return method(seen).cpu()
+
+
+def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:
+    """Grey levels (p, n) of some rows, the number of the first pixel, and what is told of the whole capture."""
+    rows = row_bands(capture.mask, plan.pixels(capture))
+    I = grey_levels(capture, rows[0])
+    step = max(1, int(capture.mask.sum()) * I.shape[1] // READ)
+    some = I[::step].clone() if len(rows) == 1 else grey_levels(capture, step=step)
+    levels = Levels.of(some)
+    cut = levels.cut_(some)
+
+    @cache
+    def is_metallic() -> bool:
+        lights = lights_at(capture, slice(None, None, step), torch.device("cpu")) if L is None else L
+        return metallic(cut, levels.lit(cut), lights)
+
+    first = 0
+    for k, span in enumerate(rows):
+        if k:
+            del I  # before the next is read
+            I = grey_levels(capture, span)
+        yield I, first, levels, is_metallic
+        first += len(I)
+
+
+def grey_levels(capture: Capture, rows: slice | None = None, step: int = 1) -> Float[Tensor, "p n"]:
+    """Grey level of each mask pixel, in some rows, in each image; float32 on the processor, not cut.
+
+    `step`: of every so many pixels only.
+    """
+    box = box_of(capture.mask)
+    rows = box[0] if rows is None else rows
+    mask = np.zeros_like(capture.mask)
+    mask[rows] = capture.mask[rows]
+    spans = list(numbered(mask))  # a window of a whole frame would be large
+    some = [np.flatnonzero(mask[span, box[1]])[-pixels.start % step :: step] for span, pixels in spans]
+    I = np.empty((sum(map(len, some)), capture.images.shape[0]), np.float32)
+
+    def read(j: int) -> None:
+        first = 0
+        for (span, _), inside in zip(spans, some, strict=True):
+            image = capture.window(j, span, box[1])
+            I[first : first + len(inside), j] = grey_samples(image.reshape(-1, image.shape[2]).take(inside, axis=0))
+            first += len(inside)
+
+    capture.each_image(read)
+    return torch.from_numpy(I)
+
+
+def pictures(capture: Capture, device: torch.device) -> Float[Tensor, "n c h w"]:
+    """All images, linear, zero outside the mask."""
+    whole = np.s_[: capture.mask.shape[0]], np.s_[: capture.mask.shape[1]]
+    found = capture.each_image(lambda j: capture.window(j, *whole) * capture.mask[..., None])
+    return torch.from_numpy(np.stack(found)).permute(0, 3, 1, 2).to(device)
+
+
+def all_lights(capture: Capture, device: torch.device, dtype: torch.dtype) -> Float[Tensor, "n 3"] | None:
+    """The lights that all pixels share; None where each sees them elsewhere."""
+    return None if capture.lights_at is not None else lights_of(capture, device, dtype)
+
+
+def lights_at(
+    capture: Capture, some: slice | np.ndarray, device: torch.device, dtype: torch.dtype = torch.float32
+) -> Float[Tensor, "q n 3"]:
+    """The lights as some of the mask's pixels see them."""
+    assert capture.lights_at is not None
+    return torch.as_tensor(capture.lights_at[some], dtype=dtype, device=device)
+
+
+def lights_of(capture: Capture, device: torch.device, dtype: torch.dtype = torch.float32) -> Float[Tensor, "*l n 3"]:
+    """Light directions: (n, 3), or (p, n, 3) where each of the mask's pixels sees them elsewhere."""
+    if capture.lights_at is not None:
+        return lights_at(capture, slice(None), device, dtype)
+    return torch.as_tensor(capture.known_lights(), dtype=dtype, device=device)

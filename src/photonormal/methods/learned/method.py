@@ -1,0 +1,43 @@
+"""What the learned methods share: options of a measurement, and the weights that come with the package."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from photonormal.methods.contract import Needs
+from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.weights import checksum, shipped
+from photonormal.options import Rotations
+
+
+@dataclass(frozen=True)
+class Learned(ABC):
+    """A network that measures.
+
+    Parameters
+    ----------
+    weights : a weights file of your own; "": the one that comes with the package
+    rotations : 1, or 4 to average over quarter turns (four times the work)
+    """
+
+    weights: str = ""
+    rotations: Rotations = 1
+    name: ClassVar[str]  # in METHODS, and of the weights that come with the package
+    needs: ClassVar[Needs] = Needs(reads="stream")
+
+    @abstractmethod
+    def network(self) -> Network:
+        """The network with its weights."""
+
+    @property
+    def file(self) -> Path:
+        """The weights file."""
+        return Path(self.weights) if self.weights else shipped(self.name)
+
+    @property
+    def weights_sha256(self) -> str:
+        """Checksum of the weights, for reports."""
+        return checksum(self.file)

@@ -1,0 +1,63 @@
+"""A mask from the shading."""
+
+import numpy as np
+import pytest
+
+import photonormal as pn
+from photonormal.calibration.mask import mask_from_shading
+from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.capture.pictures import find_pictures
+from photonormal.cli import main
+from photonormal.types import InputError
+from tests.calibration.chrome import dome
+from tests.scenes import lambertian, sphere, write_diligent
+
+
+def overlap(a, b) -> float:
+    return float((a & b).sum() / (a | b).sum())
+
+
+def on_ground(level: float, wall: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Pictures of a sphere on a ground of that brightness, with a wall behind its upper half."""
+    capture = lambertian(sphere(96), dome(8, 50.0))
+    rng = np.random.default_rng(0)
+    ground = np.where(np.arange(96)[:, None] < 40, wall or level, level)
+    images = np.where(capture.mask, np.asarray(capture.images)[..., 0], ground)
+    return (images + 0.004 * rng.standard_normal(images.shape)).clip(0).astype(np.float32), capture.mask
+
+
+@pytest.mark.parametrize(("level", "wall"), [(0.0, 0.0), (0.06, 0.0), (0.01, 0.15)])
+def test_a_sphere_is_cut_out_of_its_ground(level, wall):
+    pictures, truth = on_ground(level, wall)
+    assert overlap(mask_from_shading(pictures), truth) > 0.93
+
+
+def test_dark_spots_of_the_object_belong_to_it():
+    pictures, _ = on_ground(0.0)
+    pictures[:, 45:50, 45:50] = 0
+    assert mask_from_shading(pictures)[45:50, 45:50].all()
+
+
+def test_an_even_frame_holds_no_object():
+    with pytest.raises(InputError, match="draw a mask"):
+        mask_from_shading(np.full((4, 60, 60), 0.5, np.float32))
+
+
+def test_the_command_writes_a_mask_that_the_capture_uses(tmp_path, capsys):
+    right = lambertian(sphere(), dome(8, 50.0))
+    write_diligent(tmp_path / "object", right)
+    (tmp_path / "object" / "mask.png").unlink()
+    assert main(["mask", str(tmp_path / "object"), "--out", str(tmp_path / "object" / "mask.png")]) == 0
+    assert overlap(pn.load(tmp_path / "object").mask, right.mask) > 0.93
+    assert len(find_pictures(tmp_path / "object")) == 8  # the preview is no photograph
+    assert main(["mask", str(tmp_path / "object"), "--out", str(tmp_path / "object" / "mask.png")]) == 2
+
+
+@pytest.mark.data
+@pytest.mark.parametrize(("name", "least"), [("uw/owl", 0.96), ("uw/horse", 0.93)])
+def test_real_objects(data, name, least):
+    folder = data / "captures" / name
+    paths = find_pictures(folder)
+    images = ImageFiles(paths, None, np.ones((len(paths), 1)))
+    found = mask_from_shading(np.stack([images[j].mean(-1) for j in range(len(paths))]))
+    assert overlap(found, read_mask(next(folder.glob("*.mask.png")))) > least

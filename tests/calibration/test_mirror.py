@@ -1,0 +1,170 @@
+"""Reflection on a sphere: highlights, directions, positions."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from photonormal.calibration.circle import Circle, SphereError
+from photonormal.calibration.highlight import check_highlights, darkest, find_highlight, looked_for, static_light
+from photonormal.calibration.mirror import directions, nearest_point, sphere_centre
+from photonormal.geometry import angle_deg, normalised
+from photonormal.types import InputError
+from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
+
+CIRCLE = Circle(*CENTRE, RADIUS)
+DARK = np.zeros(SHAPE, np.float32)
+
+
+def seen(spots, **how):
+    return find_highlight(photograph(spots, **how) / np.float32(255), DARK, CIRCLE)
+
+
+@pytest.mark.parametrize("width", [1.2, 3.0, 8.0])
+def test_a_highlight_is_found_to_a_tenth_of_a_pixel(width):
+    spot = seen([(140.3, 100.7, width)])
+    assert spot.saturated == (width > 2) and np.hypot(spot.x - 140.3, spot.y - 100.7) < 0.1 * max(1, width / 3)
+
+
+def test_of_two_reflections_the_stronger_is_the_light():
+    spot = seen([(180.0, 140.0, 2.5), (140.0, 100.0, 6.0)])
+    assert (round(spot.x), round(spot.y)) == (140, 100) and spot.rival < 0.5 and not spot.rivals
+
+
+def test_two_equal_reflections_are_reported():
+    spot = seen([(180.0, 140.0, 4.0), (140.0, 100.0, 4.2)])
+    assert len(spot.rivals) == 1 and np.hypot(spot.rivals[0][0] - 180, spot.rivals[0][1] - 140) < 0.5
+
+
+def test_a_lamp_that_stays_on_is_no_light():
+    window = (120.0, 90.0, 6.0)
+    pictures = np.stack([photograph([window, (*highlight_at(l), 3.0)], seed=j) for j, l in enumerate(dome(6))]) / 255
+    static = static_light(pictures.astype(np.float32))
+    for picture, light in zip(pictures.astype(np.float32), dome(6), strict=True):
+        spot = find_highlight(picture, static, CIRCLE)
+        assert np.hypot(*(np.array([spot.x, spot.y]) - highlight_at(light))) < 1
+
+
+def test_a_streak_does_not_pull_the_centroid():
+    streak = [(140.0 + 0.7 * k, 100.0 + 2.0 * k, 1.0) for k in range(1, 20)]
+    spot = seen([(140.0, 100.0, 6.0), *streak])
+    assert np.hypot(spot.x - 140, spot.y - 100) < 0.8
+
+
+def test_bright_spots_outside_the_sphere_are_not_looked_at():
+    spot = seen([(300.0, 20.0, 9.0), (140.0, 100.0, 3.0)])
+    assert np.hypot(spot.x - 140, spot.y - 100) < 0.2
+
+
+def shown(lights) -> list:
+    return looked_for(np.stack([photograph(spots, seed=7) / np.float32(255) for spots in lights]), CIRCLE)
+
+
+def test_a_light_behind_the_sphere_leaves_no_highlight():
+    found = shown([[(*highlight_at(l), 3.0)] for l in dome(5)] + [[]])
+    assert [h is None for h in found] == [False] * 5 + [True]
+    check_highlights(found, list("abcdef"), CIRCLE, "chrome")  # one of six may be missing
+    with pytest.raises(
+        SphereError, match=r"no highlight was found on the sphere at 150.3,117.6,81.4 .* in 2 of 6 .*--skip"
+    ):
+        check_highlights([*found[:4], None, None], list("abcdef"), CIRCLE, "chrome")
+
+
+def test_a_matt_sphere_is_refused():
+    broad = shown([[(140.0 + 2 * k, 100.0, 45.0)] for k in range(3)])
+    with pytest.raises(SphereError, match=r"covers \d+ % of the sphere at .* use a mirror sphere"):
+        check_highlights(broad, list("abc"), CIRCLE, "chrome")
+
+
+def test_a_bright_table_in_the_sphere_is_no_highlight():
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    table = np.hypot(x - CENTRE[0], y - CENTRE[1]) > 0.71 * RADIUS
+    dim = photograph([(140.0, 100.0, 2.0)]) / np.float32(255) * 0.5
+    spot = find_highlight(np.where(table, np.float32(0.3), dim), DARK, CIRCLE)
+    assert np.hypot(spot.x - 140, spot.y - 100) < 0.2
+
+
+def test_the_highlight_on_a_red_ball_is_seen_in_its_darkest_channel():
+    white = photograph([(140.0, 100.0, 3.0)], sphere=0.0) / np.float32(255)
+    red = np.stack([np.maximum(white, 0.8), white, white], axis=-1)
+    spot = find_highlight(darkest(red), DARK, CIRCLE)
+    assert np.hypot(spot.x - 140, spot.y - 100) < 0.2
+
+
+def test_a_channel_that_no_lamp_lights_is_not_asked():
+    red = np.stack([photograph([(140.0, 100.0, 3.0)]), np.zeros(SHAPE), np.zeros(SHAPE)], axis=-1) / 255
+    assert darkest(red).max() == red.max()
+
+
+def test_directions_obey_the_law_of_reflection():
+    lights = dome(40, widest_deg=150)
+    L, N = directions(CIRCLE, np.array([highlight_at(l) for l in lights]))
+    assert angle_deg(L, lights).max() < 1e-5
+    assert (
+        angle_deg(normalised(L + np.array([0, 0, 1])), N).max() < 1e-5
+    )  # the normal halves light and view: it is not the light
+
+
+def reflected(light, centre, radius):
+    """The point of a sphere that reflects a light to a camera at the origin: the shortest way (Fermat)."""
+
+    def point(angles):
+        t, p = angles
+        return centre + radius * np.array([np.sin(t) * np.cos(p), np.sin(t) * np.sin(p), np.cos(t)])
+
+    def way(angles):
+        return np.linalg.norm(point(angles)) + np.linalg.norm(light - point(angles))
+
+    best = min(
+        (
+            minimize(way, (0.4, p), method="Nelder-Mead", options={"xatol": 1e-12, "fatol": 1e-14})
+            for p in (0.0, 1.6, 3.1, 4.7)
+        ),
+        key=lambda s: s.fun,
+    )
+    return point(best.x)
+
+
+def cone_outline(centre, radius, focal):
+    """Mean circle of a sphere's outline in the picture, by projecting the circle where rays touch the sphere."""
+    d = np.linalg.norm(centre)
+    axis = centre / d
+    a = normalised(np.cross(axis, [0.0, 1.0, 0.0]))
+    b = np.cross(axis, a)
+    phi = np.linspace(0, 2 * np.pi, 360, endpoint=False)[:, None]
+    ring = centre * (1 - (radius / d) ** 2) + radius * np.sqrt(1 - (radius / d) ** 2) * (
+        np.cos(phi) * a + np.sin(phi) * b
+    )
+    return project(ring, focal)
+
+
+def project(points, focal):
+    points = np.atleast_2d(points)
+    return np.column_stack([focal * points[:, 0] / -points[:, 2], -focal * points[:, 1] / -points[:, 2]])
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0, -300.0), (40.0, -30.0, -300.0)])
+def test_perspective_directions_and_positions(centre):
+    from photonormal.calibration.circle import fit_circle
+
+    focal, radius, centre = 2000.0, 20.0, np.array(centre)
+    lights = np.array([[150.0, 80, -100], [-200, 50, 0], [30, -120, -150], [0, 0, 50.0]])
+    points = np.stack([reflected(l, centre, radius) for l in lights])
+    circle = Circle(*fit_circle(cone_outline(centre, radius, focal))[:3])
+    assert np.linalg.norm(radius * sphere_centre(circle, focal, (0, 0)) - centre) < 1.5  # mm of 300
+    L, P = directions(circle, project(points, focal), focal)
+    assert angle_deg(L, normalised(lights - points)).max() < 0.5
+    assert np.abs(radius * P - points).max() < 1.5
+    flat, _ = directions(circle, project(points, focal))  # as if the camera were far away
+    assert angle_deg(L, normalised(lights - points)).max() < angle_deg(flat, normalised(lights - points)).max()
+
+
+def test_lines_to_one_light_meet_there():
+    light = np.array([30.0, -50, 200])
+    points = np.array([[0.0, 0, 0], [100, 0, 0], [0, 80, 10]])
+    x, miss = nearest_point(points, normalised(light - points))
+    assert np.abs(x - light).max() < 1e-9 and miss < 1e-9
+
+
+def test_a_light_at_infinity_has_no_position():
+    with pytest.raises(InputError, match="position can't be told"):
+        nearest_point(np.array([[0.0, 0, 0], [100, 0, 0]]), np.array([[0, 0, 1.0], [0, 0, 1]]))

@@ -1,0 +1,94 @@
+"""Where mirror spheres are."""
+
+import numpy as np
+import pytest
+
+from photonormal.calibration.circle import SphereError
+from photonormal.calibration.search import Found, find_spheres
+from photonormal.types import InputError
+from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
+
+
+def found(frames, count=1) -> list[Found]:
+    """The spheres of grey pictures (h, w), or of coloured ones."""
+    return find_spheres(lambda j: frames[j].reshape(*frames[j].shape[:2], -1), len(frames), "chrome", count)
+
+
+def pictures(n=8, **how):
+    return [photograph([(*highlight_at(l), 3.0)], seed=j, **how) / np.float32(255) for j, l in enumerate(dome(n))]
+
+
+def test_a_sphere_is_found_to_a_fraction_of_a_pixel_and_surely():
+    (sphere,) = found(pictures())
+    circle = sphere.circle
+    assert np.hypot(circle.x - CENTRE[0], circle.y - CENTRE[1]) < 0.3 and abs(circle.r - RADIUS) < 0.5
+    assert circle.confidence > 0.8 > sphere.rival + 0.3
+
+
+def test_a_larger_frame_scales_the_circle_and_nothing_else():
+    import cv2
+
+    large = [cv2.resize(p, None, fx=5, fy=5, interpolation=cv2.INTER_CUBIC) for p in pictures(4)]
+    circle = found(large)[0].circle
+    expected = 5 * np.array([CENTRE[0] + 0.5, CENTRE[1] + 0.5, RADIUS]) - [0.5, 0.5, 0]
+    assert np.abs(np.array([circle.x, circle.y, circle.r]) - expected).max() < 2.5
+
+
+def test_two_spheres_are_told_apart():
+    both = []
+    for j, l in enumerate(dome(6)):
+        a = photograph([(*highlight_at(l, (80, 120), 60), 3.0)], (80, 120), 60, seed=j)
+        b = photograph([(*highlight_at(l, (230, 110), 55), 3.0)], (230, 110), 55, seed=j)
+        both.append(np.hstack([a[:, :155], b[:, 155:]]) / np.float32(255))
+    left, right = sorted((f.circle for f in found(both, 2)), key=lambda c: c.x)
+    assert [round(v) for v in (left.x, left.r, right.x, right.r)] == [80, 60, 230, 55]
+    (best,) = found(both)
+    assert round(best.circle.r) == 60 and "another ball that mirrors was seen in chrome" in best.notes[0]
+
+
+def test_noise_and_stripes_are_no_sphere():
+    rng = np.random.default_rng(0)
+    stripes = np.tile((np.arange(320) % 40 < 20) * 0.5, (240, 1))
+    with pytest.raises(InputError, match=r"0 of 1 mirror spheres were found .* give --circle x,y,r"):
+        found([(stripes + 0.02 * rng.random(SHAPE)).astype(np.float32) for _ in range(6)])
+
+
+def test_a_sphere_cut_by_the_border_is_refused():
+    cut = [
+        photograph([(*highlight_at(l, (70, 120), 90), 3.0)], (70, 120), 90, seed=j) for j, l in enumerate(dome(5, 40))
+    ]
+    with pytest.raises(SphereError, match=r"the sphere in chrome at \d.* is cut by the border") as refusal:
+        found([p / np.float32(255) for p in cut])
+    assert round(refusal.value.circles[0].r) == 90
+
+
+def table(lights, ball=(250.0, 120.0), r=25.0, horizon=False, coin=False) -> list[np.ndarray]:
+    """A matt table under distant lights, on it a mirror ball, with its horizon in it, and a coin with a relief."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    rng, made = np.random.default_rng(0), []
+    away, beside = np.hypot(x - ball[0], y - ball[1]), np.hypot(x - 90, y - 110)
+    slopes = 0.5 * rng.standard_normal((2, *SHAPE))
+    for light in lights:
+        ground = np.full(SHAPE, 0.5 * light[2])
+        if coin:
+            ground = np.where(
+                beside < 55, 0.7 * (light[2] + slopes[0] * light[0] + slopes[1] * light[1]).clip(0), ground
+            )
+        rim = 0.25 * light[2] * (away > r / np.sqrt(2)) if horizon else 0.0
+        picture = np.where(away < r, 0.02 + rim, ground)
+        sx, sy = highlight_at(light, ball, r)
+        picture = picture + 2 * np.exp(-((x - sx) ** 2 + (y - sy) ** 2) / 1.5**2)
+        made.append((picture + 0.004 * rng.standard_normal(SHAPE)).clip(0, 1).astype(np.float32))
+    return made
+
+
+@pytest.mark.parametrize("scene", [{}, {"coin": True}, {"horizon": True}, {"r": 12.0, "coin": True}])
+def test_the_ball_is_what_mirrors_and_its_outline_the_outermost_circle(scene):
+    (sphere,) = found(table(dome(10, 80), **scene))
+    c, r = sphere.circle, scene.get("r", 25.0)
+    assert np.hypot(c.x - 250, c.y - 120) < 0.5 and abs(c.r - r) < 0.4 and sphere.notes == ()
+
+
+def test_a_coin_alone_is_no_sphere():
+    with pytest.raises(SphereError, match="mirror spheres were found in chrome"):
+        found([p[:, :200] for p in table(dome(10, 80), coin=True)])

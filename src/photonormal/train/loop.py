@@ -11,7 +11,7 @@ import logging
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from photonormal.methods.learned.processor import computing_in, keep_freed_memor
 from photonormal.methods.learned.weights import build, checksum, load
 from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.train import checkpoint, recipes
+from photonormal.train.begin import begin
 from photonormal.train.card import device_name, export
 from photonormal.train.disk import Disk
 from photonormal.train.journal import NAME as JOURNAL
@@ -74,7 +75,7 @@ def train(
     stream : in place of `photonormal.synth.Stream`, called with (recipe, batch, device, seed, start_step)
     name : of the weights file; empty: the recipe's name
     seed : in place of the recipe's
-    start_from : weights file to begin with, in place of random weights
+    start_from : weights file to begin with, of the same network or of one half as wide, in place of random weights
     precision : "float32" or "bf16" inside the network; "auto": the checkpoint's, or as the machine has instructions for
     data : folders of sets to learn from, in place of rendered scenes (`photonormal.train.sets`); each window is then
         used once, whatever the recipe's `reuse`
@@ -286,19 +287,6 @@ def launched(device: str, precision: Precision, changing: bool = False) -> Any:
     )
     fabric.launch()
     return fabric
-
-
-def begin(net: Network, begun: Network) -> None:
-    """Copy the weights of a trained network into a new one; what the new one has besides stays random."""
-    weights, new = begun.state_dict(), net.state_dict()
-    if any(k not in new or new[k].shape != v.shape for k, v in weights.items()):
-        theirs, ours = asdict(begun.config), asdict(net.config)
-        has, needed = (", ".join(f"{k}={c[k]!r}" for k in ours if theirs[k] != ours[k]) for c in (theirs, ours))
-        raise InputError(
-            f"weights to start from have {has} but the recipe has {needed}; "
-            "give weights that this recipe trained, or start without any."
-        )
-    net.load_state_dict(new | weights)
 
 
 def started(out: Path, name: str) -> None:

@@ -178,9 +178,9 @@ def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
     woodham, l1 = "photonormal.methods.classical.woodham", "photonormal.methods.classical.l1"
     before = [source.source_sha256(m) for m in (woodham, l1)]
     (package / "bench" / "page" / "html.py").write_text("")
-    (package / "solve" / "classical" / "ward.py").write_text("")
+    (package / "methods" / "classical" / "ward.py").write_text("")
     assert [source.source_sha256(m) for m in (woodham, l1)] == before
-    with (package / "solve" / "classical" / "l1.py").open("a") as file:
+    with (package / "methods" / "classical" / "l1.py").open("a") as file:
         file.write("# edited\n")
     assert source.source_sha256(woodham) == before[0] and source.source_sha256(l1) != before[1]
     with (package / "shading.py").open("a") as file:  # both compute with it

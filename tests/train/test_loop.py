@@ -221,7 +221,7 @@ def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
         torch.testing.assert_close(x, y, atol=0, rtol=0)
     assert str(first) in begun.with_suffix(".md").read_text()
     with pytest.raises(InputError, match="but the recipe has"):
-        run(tmp_path / "third", replace(TINY, config={"width": 16}), start_from=first)
+        run(tmp_path / "third", replace(TINY, config={"width": 8, "blocks": 3}), start_from=first)
 
 
 def run_steps(out, steps, recipe=TINY, **options):

@@ -275,8 +275,8 @@ def test_24_megapixels(served, large, tmp_path):
         b.keys(*["+"] * 14)
         b.settle()
         levels = b.run("return performance.getEntriesByType('resource').map((e) => e.name)")
-        assert any("/normals/0/" in name for name in levels)  # the full size where it is looked at closely
-        assert len(levels) < 60  # and not all of it
+        full = [name for name in levels if "/normals/0/" in name]
+        assert 0 < len(full) < 48  # the full size where it is looked at closely, and not all of its 96 tiles
         b.keys("0", "d")
         x, y = middle(b)
         b.drag((x - 300, y), (x, y), (x + 300, y))

@@ -54,6 +54,8 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "rig": BASE | {"capture", "calibration", "doctor", "export", "progress"},
     "measurement": BASE | {"capture", "methods", "integration", "scoring", "progress", "doctor"},
     "view": BASE | {"capture", "calibration", "scoring", "export", "progress", "rig"},
+    "relighting": BASE | {"methods", "progress"},  # the memory's plan
+    "handover": BASE | {"capture", "export", "methods", "relighting", "view"},
     "bench": BASE | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"},
 }
 

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
-from photonormal.cli.kinds import Folder, Millimetres
+from photonormal.cli.kinds import File, Folder, Millimetres, Size, shown
 from photonormal.options import Port
+from photonormal.types import InputError
+
+RELIGHTING = ("ptm", "ptm-rgb", "hsh", "hsh16")  # photonormal.relighting.files.FORMATS, which loads the methods
 
 
 @dataclass(frozen=True)
@@ -35,22 +39,36 @@ class View:
 
 @dataclass(frozen=True)
 class Export:
-    """A result as one HTML file, to relight, turn and measure it without server or network."""
+    """A result for others: as one HTML file (--page), or as a picture that viewers of RTI relight (--to, --out)."""
 
     result: Positional[Path]
     """Folder that `measure` wrote."""
-    page: Path
-    """File to write, .html."""
+    page: File = None
+    """HTML file to write, to relight, turn and measure the result without server or network."""
+    to: Annotated[str, shown(f"{{{','.join(RELIGHTING)}}}")] = ""
+    """Format of --out: ptm (luminance and colour) and ptm-rgb, .ptm files; hsh (9 terms) and hsh16, .rti files."""
+    out: File = None
+    """File to write in the format of --to."""
     capture: Folder = None
     """Its photographs, where they are no longer where its report says."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide, so that lengths are told in mm."""
+    """Millimetres that a pixel is wide, so that the page tells lengths in mm."""
+    memory: Size = ""
+    """How much memory may be used, such as 3GB; half of what is free by default."""
     overwrite: bool = False
     """Replace a file that exists."""
 
     def __call__(self) -> int:
+        if (self.page is None) == (self.out is None) or bool(self.to) != (self.out is not None):
+            raise InputError("give --page FILE.html, or --to FORMAT with --out FILE; one of them is needed.")
+        if self.out is not None:
+            from photonormal.handover import export_relighting
+
+            print(export_relighting(self.result, self.to, self.out, self.capture, self.overwrite, self.memory))
+            return 0
         from photonormal.view import export_page
 
+        assert self.page is not None
         path, reduced = export_page(self.result, self.page, self.capture, self.mm_per_px, self.overwrite)
         print(path)
         if reduced > 1:

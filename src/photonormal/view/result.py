@@ -117,7 +117,7 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
         If the folder is no result, or a file of it is cut short or of another size.
     """
     folder = Path(folder)
-    report = _report(folder)
+    report = report_of(folder)
     normals = load_normals(folder)
     box = box_of(normals.mask, MARGIN)
     map = normals.map[box]
@@ -135,7 +135,7 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
         about["relief"] = {"low": low, "step": step}
     if normals.expected_error_deg is not None:
         layers["expected"] = degrees_plane(normals.expected_error_deg[box])
-    photographs, missing = _capture(report, capture, normals.mask.shape)
+    photographs, missing = photographs_of(report, capture, normals.mask.shape)
     if photographs is not None and photographs.truth is not None:
         error = error_map_deg(normals, photographs.truth)
         layers["error"] = degrees_plane(error[box])
@@ -164,7 +164,8 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
     return Shown(name, layers, about, _add_photographs(about, photographs, box))
 
 
-def _report(folder: Path) -> Report:
+def report_of(folder: Path) -> Report:
+    """The report of a result folder; InputError where it is none."""
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder; give one that `photonormal measure` wrote.")
     recover(folder)
@@ -178,7 +179,9 @@ def _same_size(path: Path, shape: tuple[int, ...], frame: tuple[int, ...]) -> No
         raise InputError(f"{path} is {shape[:2]} but normals.npz beside it is {frame}; measure again.")
 
 
-def _capture(report: Report, given: str | Path | None, shape: tuple[int, ...]) -> tuple[Capture | None, str | None]:
+def photographs_of(
+    report: Report, given: str | Path | None, shape: tuple[int, ...]
+) -> tuple[Capture | None, str | None]:
     """The photographs that were measured, or why they are left out. What the user named must fit."""
     source = given if given is not None else report.get("source")
     if source is None:

@@ -1,0 +1,1 @@
+"""Photographs -> functions of the light, pixel by pixel, in the files that viewers of RTI open (`files.FORMATS`)."""

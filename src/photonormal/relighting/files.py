@@ -1,0 +1,142 @@
+"""Fits as files: .ptm (Hewlett-Packard's format 1.2) and .rti with hemispherical harmonics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from photonormal.progress import progress
+from photonormal.relighting import bases
+from photonormal.relighting.fit import Band, Basis, Fit
+from photonormal.types import Capture, InputError
+
+FORMATS: dict[str, tuple[str, Basis]] = {  # name -> ending of the file, basis
+    "ptm": (".ptm", bases.ptm),
+    "ptm-rgb": (".ptm", bases.ptm),
+    "hsh": (".rti", partial(bases.hsh, terms=9)),
+    "hsh16": (".rti", partial(bases.hsh, terms=16)),
+}
+LARGEST = 2**31 - 1  # bytes: many viewers count them in 32 bits
+LEVELS = 254  # steps of a coefficient's range; one level of 8 bits is left for the rounding of zero's place
+
+
+def check(kind: str, out: Path) -> None:
+    """InputError where there is no such format, or the file's ending is another's."""
+    if kind not in FORMATS:
+        raise InputError(f"no format {kind[:40]!r}; choose from {', '.join(FORMATS)}.")
+    ending = FORMATS[kind][0]
+    if out.suffix.lower() != ending:
+        raise InputError(f"--out {out} ends in {out.suffix!r} but {kind} is a {ending} file; choose such a name.")
+
+
+def write(capture: Capture, kind: str, path: Path) -> None:
+    """Fit the photographs, and write the fit of the mask's box to a file; pixels outside the mask are black.
+
+    The photographs are gone through twice, some rows at a time: for the coefficients' ranges, then to store them.
+
+    Parameters
+    ----------
+    kind : a key of FORMATS
+    path : the file, which is made or emptied
+
+    Raises
+    ------
+    InputError
+        If the capture's lights are unknown or too few, or the file would be larger than viewers can read.
+    """
+    fit = Fit(capture, FORMATS[kind][1])
+    h, w = fit.size
+    k = fit.basis(capture.known_lights()[:1]).shape[-1]
+    size = h * w * (9 if kind == "ptm" else 3 * k)
+    if size > LARGEST:
+        raise InputError(
+            f"a {kind} file of {w} x {h} pixels would have {size} bytes but viewers read at most {LARGEST}; measure a "
+            "part of the photographs with --crop, or reduce them with --scale."
+        )
+    white = fit.white()
+    split = _lrgb if kind == "ptm" else _rgb
+    with progress("fit to the light", 2 * int(capture.mask.sum())) as advance:
+
+        def bands() -> Iterator[tuple[Band, np.ndarray, np.ndarray]]:
+            for band in fit.bands(white):
+                yield band, *split(band)
+                advance(len(band.coefficients))
+
+        low, high = np.zeros(k), np.zeros(k)  # zero is in the range: what is outside the mask is black
+        for _, C, _ in bands():
+            low, high = np.minimum(low, C.min((0, 2))), np.maximum(high, C.max((0, 2)))
+        scale = np.maximum(high - low, 1e-6) / LEVELS  # of one step
+        zero = np.rint(-low / scale)
+        (_ptm if kind.startswith("ptm") else _rti)(path, (h, w), bands(), scale, zero)
+
+
+def _rgb(band: Band) -> tuple[Float[np.ndarray, "p k 3"], np.ndarray]:
+    """Coefficients of red, green and blue."""
+    p, k, _ = band.coefficients.shape
+    return np.broadcast_to(band.coefficients, (p, k, 3)), np.empty((p, 0))
+
+
+def _lrgb(band: Band) -> tuple[Float[np.ndarray, "p k 1"], Float[np.ndarray, "p 3"]]:
+    """Coefficients of one luminance, and a colour, of at most 1, that multiplies it: least squares over the lights."""
+    Y = band.shown.mean(-1)  # (p, n)
+    colour = (band.shown * Y[..., None]).sum(1) / np.maximum((Y**2).sum(1), 1e-9)[:, None]
+    colour = np.broadcast_to(colour, (len(Y), 3))
+    most = np.maximum(colour.max(1), 1e-9)
+    return band.coefficients.mean(-1, keepdims=True) * most[:, None, None], colour / most[:, None]
+
+
+def _codes(C: np.ndarray, scale: np.ndarray, zero: np.ndarray) -> np.ndarray:
+    return np.rint(C / scale + zero).clip(0, 255).astype(np.uint8)
+
+
+def _ptm(path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, zero: np.ndarray) -> None:
+    """Coefficients are (code - bias) scale in 255ths of white; rows from the bottom to the top. RGB: one block for each
+    channel; LRGB: a block of luminance, then one of colours."""
+    h, w = size
+    first = next(bands)
+    lrgb = first[1].shape[2] == 1
+    numbers = " ".join(f"{255 * s:.9g}" for s in scale), " ".join(f"{int(z)}" for z in zero)
+    lines = ["PTM_1.2", "PTM_FORMAT_LRGB" if lrgb else "PTM_FORMAT_RGB", str(w), str(h), *numbers]
+    body = _body(path, "".join(f"{line}\n" for line in lines), h * w * (9 if lrgb else 18))
+    count = first[1].shape[2]
+    blocks = body[: count * h * w * 6].reshape(count, h, w, 6)[:, ::-1]
+    colours = body[count * h * w * 6 :].reshape(h, w, -1)[::-1]
+    for y in range(h):
+        blocks[:, y] = zero
+    for band, C, colour in _with(first, bands):
+        for channel in range(count):
+            blocks[channel, band.rows][band.on] = _codes(C[..., channel], scale, zero)
+        if lrgb:
+            colours[band.rows][band.on] = np.rint(255 * colour)
+    body.flush()
+
+
+def _rti(path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, zero: np.ndarray) -> None:
+    """Coefficients are code / 255 scale + bias, white is 1; rows from the top, in each pixel red, green, blue."""
+    h, w = size
+    k = len(scale)
+    start = f"#HSH1.2\r\n3\r\n{w} {h} 3\r\n{k} 2 1\r\n".encode()
+    ranges = np.concatenate([255 * scale, -zero * scale]).astype("<f4").tobytes()
+    stored = _body(path, start + ranges, h * w * 3 * k)
+    body = stored.reshape(h, w, 3, k)
+    for y in range(h):
+        body[y] = zero
+    for band, C, _ in bands:
+        body[band.rows][band.on] = _codes(C.swapaxes(1, 2), scale, zero)
+    stored.flush()
+
+
+def _body(path: Path, start: str | bytes, size: int) -> np.memmap:
+    """A file that begins so, and the bytes that follow."""
+    start = start.encode() if isinstance(start, str) else start
+    path.write_bytes(start)
+    return np.memmap(path, np.uint8, "r+", offset=len(start), shape=(size,))
+
+
+def _with(first, rest: Iterator) -> Iterator:
+    yield first
+    yield from rest

@@ -1,0 +1,149 @@
+"""Files of relightable pictures: what they hold is the least-squares fit, and they show lights that were left out."""
+
+import json
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from photonormal.cli import main, viewing
+from photonormal.geometry import fibonacci_hemisphere
+from photonormal.relighting import bases, files
+from photonormal.relighting.fit import Fit
+from photonormal.srgb import from_linear
+from photonormal.types import Capture, box_of
+from tests.scenes import sphere, write_diligent
+
+KINDS = tuple(files.FORMATS)
+
+
+def glossy(lights):
+    """A coloured sphere with broad highlights, whose colour changes from left to right."""
+    truth = sphere(48)
+    N, H = truth.map, lights + np.array([0, 0, 1])
+    H = H / np.linalg.norm(H, axis=1, keepdims=True)
+    cos = np.maximum(np.einsum("hwc,nc->nhw", N, lights), 0)
+    shine = np.maximum(np.einsum("hwc,nc->nhw", N, H), 0) ** 12 * (cos > 0)
+    colour = np.stack([np.linspace(0.2, 0.6, 48), np.full(48, 0.4), np.linspace(0.5, 0.3, 48)], -1)
+    images = cos[..., None] * colour + 0.2 * shine[..., None]
+    return Capture(images.astype(np.float32), truth.mask, lights, truth=truth)
+
+
+def dome(n):
+    lights = fibonacci_hemisphere(n)
+    return lights[lights[:, 2] > 0.3]
+
+
+def read_ptm(path):
+    """Scales, biases, codes (h, w, 3, 6), colours (h, w, 3) or 1, by Hewlett-Packard's description."""
+    with path.open("rb") as file:
+        version, kind, w, h = (file.readline().split()[0].decode() for _ in range(4))
+        scale, bias = (np.array(file.readline().split(), float) for _ in range(2))
+        body = np.frombuffer(file.read(), np.uint8)
+    h, w = int(h), int(w)
+    assert version == "PTM_1.2" and len(body) == h * w * (9 if kind == "PTM_FORMAT_LRGB" else 18)
+    if kind == "PTM_FORMAT_LRGB":
+        codes = np.repeat(body[: 6 * h * w].reshape(h, w, 1, 6), 3, axis=2)
+        return scale, bias, codes[::-1], body[6 * h * w :].reshape(h, w, 3)[::-1] / 255
+    assert kind == "PTM_FORMAT_RGB"
+    return scale, bias, body.reshape(3, h, w, 6).transpose(1, 2, 0, 3)[::-1], 1
+
+
+def shown_by(path, light):
+    """A picture (h, w, 3), white is 1, as a viewer makes it from the file."""
+    x, y = light[:2]
+    if path.suffix == ".ptm":
+        scale, bias, codes, colour = read_ptm(path)
+        return ((codes - bias) * scale @ np.array([x * x, y * y, x * y, x, y, 1]) / 255 * colour).clip(0, 1)
+    data = path.read_bytes()
+    head, kind, size, terms = data.split(b"\r\n", 4)[:4]
+    rest = data[len(head + kind + size + terms) + 8 :]
+    (w, h, c), (k, rgb, width) = (list(map(int, line.split())) for line in (size, terms))
+    assert (head, kind, c, rgb, width) == (b"#HSH1.2", b"3", 3, 2, 1)
+    scale, bias = np.frombuffer(rest[: 8 * k], "<f4").reshape(2, k)
+    codes = np.frombuffer(rest[8 * k :], np.uint8).reshape(h, w, 3, k)
+    return ((codes / 255 * scale + bias) @ bases.hsh(np.array([light]), k)[0]).clip(0, 1)
+
+
+def test_hemispherical_harmonics_are_orthonormal():
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    c, phi = (nodes + 1) / 2, 2 * np.pi * np.arange(24) / 24
+    C, P = np.meshgrid(c, phi, indexing="ij")
+    L = np.stack([np.sqrt(1 - C**2) * np.cos(P), np.sqrt(1 - C**2) * np.sin(P), C], -1)
+    H = bases.hsh(L, 16)
+    gram = np.einsum("abi,abj,a->ij", H, H, weights / 2 * 2 * np.pi / 24)
+    assert np.abs(gram - np.eye(16)).max() < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_fit_is_scipys(kind):
+    capture = glossy(dome(40))
+    basis = files.FORMATS[kind][1]
+    fit = Fit(capture, basis)
+    white = fit.white()
+    samples = from_linear((capture.images[:, capture.mask] / white).clip(0, 1))  # (n, p, 3)
+    wanted = scipy.linalg.lstsq(basis(capture.known_lights()), samples.reshape(len(samples), -1))[0]
+    found = np.concatenate([band.coefficients for band in fit.bands(white)])  # (p, k, 3)
+    assert np.abs(found.transpose(1, 0, 2).reshape(wanted.shape) - wanted).max() < 1e-4
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_lights_that_were_left_out_are_shown_as_the_fit_shows_them(kind, tmp_path):
+    lights = dome(60)
+    out = np.arange(len(lights)) % 5 == 2
+    capture, basis = glossy(lights[~out]), files.FORMATS[kind][1]
+    path = tmp_path / f"ball{files.FORMATS[kind][0]}"
+    files.write(capture, kind, path)
+    fit, box, mask = Fit(capture, basis), box_of(capture.mask), capture.mask
+    white = fit.white()
+    C = np.concatenate([band.coefficients for band in fit.bands(white)])
+    errors = []
+    for light, image in zip(lights[out], glossy(lights).images[out], strict=True):
+        truth = from_linear((image[mask] / white).clip(0, 1))
+        by_fit = np.einsum("pkc,k->pc", C, basis(light)).clip(0, 1)
+        by_file = shown_by(path, light)
+        assert not by_file[~mask[box]].max() > 0.05
+        errors.append([((by_fit - truth) ** 2).mean(), ((by_file[mask[box]] - truth) ** 2).mean()])
+    fitted, stored = np.sqrt(np.mean(errors, axis=0))
+    assert stored < 1.1 * fitted
+
+
+@pytest.fixture
+def result(tmp_path):
+    write_diligent(tmp_path / "ball", glossy(dome(20)))
+    assert main(["measure", str(tmp_path / "ball"), "--out", str(tmp_path / "r"), "--method", "woodham"]) == 0
+    return tmp_path / "r"
+
+
+def test_the_command_lists_the_formats_there_are():
+    assert viewing.RELIGHTING == KINDS
+
+
+def test_a_result_becomes_a_file_or_nothing(result, tmp_path, capsys):
+    def refused(*words, says):
+        before = sorted(tmp_path.rglob("*"))
+        capsys.readouterr()
+        assert main(["export", str(result), *map(str, words)]) == 2
+        err = capsys.readouterr().err
+        assert says in err and len(err.splitlines()) == 1 and sorted(tmp_path.rglob("*")) == before
+
+    out = tmp_path / "a.ptm"
+    assert main(["export", str(result), "--to", "ptm", "--out", str(out)]) == 0
+    assert read_ptm(out)[2].shape[2:] == (3, 6)
+    refused("--to", "ptm", "--out", out, says="--overwrite")
+    refused("--to", "pdf", "--out", out, says="ptm, ptm-rgb, hsh, hsh16")
+    refused("--to", "hsh", "--out", tmp_path / "b.ptm", says=".rti")
+    refused("--to", "hsh16", "--out", tmp_path / "b.rti", says="at least 16")
+    refused("--to", "ptm", says="--out")
+    photographs = json.loads((result / "report.json").read_text())["source"]
+    (tmp_path / "ball").rename(tmp_path / "away")
+    refused("--to", "ptm", "--out", tmp_path / "b.ptm", says=photographs)
+    words = ["--to", "ptm", "--out", str(tmp_path / "b.ptm"), "--capture", str(tmp_path / "away")]
+    assert main(["export", str(result), *words]) == 0
+    assert (tmp_path / "b.ptm").read_bytes() == out.read_bytes()
+
+
+def test_what_viewers_can_not_read_is_refused(result, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(files, "LARGEST", 1000)
+    assert main(["export", str(result), "--to", "hsh", "--out", str(tmp_path / "b.rti")]) == 2
+    assert "--crop" in capsys.readouterr().err and not (tmp_path / "b.rti").exists()

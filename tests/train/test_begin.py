@@ -33,3 +33,10 @@ def test_twice_the_width_begins_as_the_same_function(network, config):
 def test_another_network_is_refused():
     with pytest.raises(InputError, match="have blocks=3, width=8 but the recipe has blocks=6, width=16"):
         begin(build("lambertian-prior", {"width": 16}), build("lambertian-prior", {"blocks": 3, "width": 8}))
+
+
+def test_a_network_that_would_begin_as_another_function_is_refused():
+    """normalnet turns frames, levels features and concatenates what does not double."""
+    small = {"hidden": 16, "features": 16}
+    with pytest.raises(InputError, match="have width=8 but the recipe has width=16"):
+        begin(build("normalnet", small | {"width": 16}), build("normalnet", small | {"width": 8}))

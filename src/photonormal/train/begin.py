@@ -14,12 +14,12 @@ from photonormal.types import InputError
 def begin(net: Network, begun: Network) -> None:
     """Copy the weights of a trained network into a new one; what the new one has besides stays random.
 
-    A network of twice the width begins as the same function (after Chen, Goodfellow, Shlens, "Net2Net", ICLR 2016):
-    old channels read nothing of the new ones, which are random.
+    A network of twice the width begins, where it `widens`, as the same function (after Chen, Goodfellow, Shlens,
+    "Net2Net", ICLR 2016): old channels read nothing of the new ones, which are random.
     """
     weights, new = begun.state_dict(), net.state_dict()
     if any(k not in new or new[k].shape != v.shape for k, v in weights.items()):
-        if not _half(begun.config, net.config):
+        if not (net.widens and replace(begun.config, width=2 * begun.config.width) == net.config):
             theirs, ours = asdict(begun.config), asdict(net.config)
             has, needed = (", ".join(f"{k}={c[k]!r}" for k in ours if theirs[k] != ours[k]) for c in (theirs, ours))
             raise InputError(
@@ -29,11 +29,6 @@ def begin(net: Network, begun: Network) -> None:
         turned = {f"{name}.weight" for name, m in net.named_modules() if isinstance(m, nn.ConvTranspose2d)}
         weights = {k: widened(v, new[k], outputs=1 if k in turned else 0) for k, v in weights.items()}
     net.load_state_dict(new | weights)
-
-
-def _half(narrow: object, wide: object) -> bool:
-    """Whether two configs differ by twice the width alone."""
-    return hasattr(narrow, "width") and replace(narrow, width=2 * narrow.width) == wide  # type: ignore[type-var,attr-defined]
 
 
 def widened(old: Tensor, fresh: Tensor, outputs: int = 0) -> Tensor:

@@ -75,7 +75,7 @@ def train(
     stream : in place of `photonormal.synth.Stream`, called with (recipe, batch, device, seed, start_step)
     name : of the weights file; empty: the recipe's name
     seed : in place of the recipe's
-    start_from : weights file to begin with, of the same network or of one half as wide, in place of random weights
+    start_from : weights file to begin with, of the same network or, where it `widens`, of one half as wide; else random
     precision : "float32" or "bf16" inside the network; "auto": the checkpoint's, or as the machine has instructions for
     data : folders of sets to learn from, in place of rendered scenes (`photonormal.train.sets`); each window is then
         used once, whatever the recipe's `reuse`

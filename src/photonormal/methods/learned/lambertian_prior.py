@@ -98,6 +98,7 @@ class LambertianPriorNet(Network):
     Config: ClassVar[type] = LambertianPriorConfig
     scaling = "exposure"
     stride = 4
+    widens = True
 
     def __init__(self, config: LambertianPriorConfig = LambertianPriorConfig()) -> None:
         super().__init__()

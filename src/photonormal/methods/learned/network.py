@@ -32,6 +32,8 @@ class Network(nn.Module, ABC):
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
     pointwise : whether `encode` and `digest` see each pixel by itself; what `begin` gives then has `rows(some)`
+    widens : whether `width` alone counts its channels and it holds only convolutions and concatenations, so that a
+        network half as wide can begin it (`photonormal.train.begin`)
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     Config : the frozen dataclass that `config` is one of
     config : what builds the network again; its field `prior` names a classical method, or is ""
@@ -42,6 +44,7 @@ class Network(nn.Module, ABC):
     stride: int
     reach: int
     pointwise: bool = False
+    widens: bool = False
     memory: int = 0
     config: Any
 

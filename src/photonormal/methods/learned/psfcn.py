@@ -41,6 +41,7 @@ class PSFCNNet(Network):
     Config: ClassVar[type] = PSFCNConfig
     stride = 4
     reach = 32
+    widens = True
 
     def __init__(self, config: PSFCNConfig = PSFCNConfig()) -> None:
         super().__init__()

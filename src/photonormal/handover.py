@@ -20,7 +20,7 @@ def export_relighting(
     Parameters
     ----------
     result : a folder that `measure` wrote
-    kind : a key of photonormal.relighting.files.FORMATS
+    kind : a key of photonormal.relighting.FORMATS
     out : the file to write, .ptm or .rti
     capture : the photographs, where they are not where the report says
     overwrite : replace a file that exists

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from photonormal.cli import main, viewing
+from photonormal.cli import main
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.relighting import bases, files
 from photonormal.relighting.fit import Fit
@@ -115,8 +115,10 @@ def result(tmp_path):
     return tmp_path / "r"
 
 
-def test_the_command_lists_the_formats_there_are():
-    assert viewing.RELIGHTING == KINDS
+def test_the_command_lists_the_formats_there_are(capsys):
+    with pytest.raises(SystemExit):
+        main(["export", "--help"])
+    assert f"{{{','.join(KINDS)}}}" in capsys.readouterr().out
 
 
 def test_a_result_becomes_a_file_or_nothing(result, tmp_path, capsys):

@@ -10,9 +10,8 @@ from tyro.conf import Positional
 
 from photonormal.cli.kinds import File, Folder, Millimetres, Size, shown
 from photonormal.options import Port
+from photonormal.relighting import FORMATS
 from photonormal.types import InputError
-
-RELIGHTING = ("ptm", "ptm-rgb", "hsh", "hsh16")  # photonormal.relighting.files.FORMATS, which loads the methods
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Export:
     """Folder that `measure` wrote."""
     page: File = None
     """HTML file to write, to relight, turn and measure the result without server or network."""
-    to: Annotated[str, shown(f"{{{','.join(RELIGHTING)}}}")] = ""
+    to: Annotated[str, shown(f"{{{','.join(FORMATS)}}}")] = ""
     """Format of --out: ptm (luminance and colour) and ptm-rgb, .ptm files; hsh (9 terms) and hsh16, .rti files."""
     out: File = None
     """File to write in the format of --to."""

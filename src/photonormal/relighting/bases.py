@@ -6,8 +6,12 @@ hemispherical basis for accurate and efficient rendering, EGSR 2004.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import Float
+
+Basis = Callable[[Float[np.ndarray, "*n 3"]], Float[np.ndarray, "*n k"]]
 
 
 def ptm(L: Float[np.ndarray, "*n 3"]) -> Float[np.ndarray, "*n 6"]:

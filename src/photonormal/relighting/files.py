@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from photonormal.progress import progress
-from photonormal.relighting import bases
-from photonormal.relighting.fit import Band, Basis, Fit
+from photonormal.relighting import FORMATS
+from photonormal.relighting.fit import Band, Fit
 from photonormal.types import Capture, InputError
 
-FORMATS: dict[str, tuple[str, Basis]] = {  # name -> ending of the file, basis
-    "ptm": (".ptm", bases.ptm),
-    "ptm-rgb": (".ptm", bases.ptm),
-    "hsh": (".rti", partial(bases.hsh, terms=9)),
-    "hsh16": (".rti", partial(bases.hsh, terms=16)),
-}
 LARGEST = 2**31 - 1  # bytes: many viewers count them in 32 bits
 LEVELS = 254  # steps of a coefficient's range; one level of 8 bits is left for the rounding of zero's place
 
@@ -51,14 +44,15 @@ def write(capture: Capture, kind: str, path: Path) -> None:
     fit = Fit(capture, FORMATS[kind][1])
     h, w = fit.size
     k = fit.basis(capture.known_lights()[:1]).shape[-1]
-    size = h * w * (9 if kind == "ptm" else 3 * k)
+    lrgb = kind == "ptm"
+    size = h * w * (k + 3 if lrgb else 3 * k)
     if size > LARGEST:
         raise InputError(
             f"a {kind} file of {w} x {h} pixels would have {size} bytes but viewers read at most {LARGEST}; measure a "
             "part of the photographs with --crop, or reduce them with --scale."
         )
     white = fit.white()
-    split = _lrgb if kind == "ptm" else _rgb
+    split = _lrgb if lrgb else _rgb
     with progress("fit to the light", 2 * int(capture.mask.sum())) as advance:
 
         def bands() -> Iterator[tuple[Band, np.ndarray, np.ndarray]]:
@@ -71,7 +65,10 @@ def write(capture: Capture, kind: str, path: Path) -> None:
             low, high = np.minimum(low, C.min((0, 2))), np.maximum(high, C.max((0, 2)))
         scale = np.maximum(high - low, 1e-6) / LEVELS  # of one step
         zero = np.rint(-low / scale)
-        (_ptm if kind.startswith("ptm") else _rti)(path, (h, w), bands(), scale, zero)
+        if kind.startswith("ptm"):
+            _ptm(path, (h, w), bands(), scale, zero, channels=1 if lrgb else 3)
+        else:
+            _rti(path, (h, w), bands(), scale, zero)
 
 
 def _rgb(band: Band) -> tuple[Float[np.ndarray, "p k 3"], np.ndarray]:
@@ -93,22 +90,23 @@ def _codes(C: np.ndarray, scale: np.ndarray, zero: np.ndarray) -> np.ndarray:
     return np.rint(C / scale + zero).clip(0, 255).astype(np.uint8)
 
 
-def _ptm(path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, zero: np.ndarray) -> None:
-    """Coefficients are (code - bias) scale in 255ths of white; rows from the bottom to the top. RGB: one block for each
-    channel; LRGB: a block of luminance, then one of colours."""
+def _ptm(
+    path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, zero: np.ndarray, channels: int
+) -> None:
+    """Coefficients are (code - bias) scale in 255ths of white; rows from the bottom to the top. A block for each
+    channel, RGB; of one channel, the luminance of LRGB, a block of colours follows."""
     h, w = size
-    first = next(bands)
-    lrgb = first[1].shape[2] == 1
+    lrgb = channels == 1
     numbers = " ".join(f"{255 * s:.9g}" for s in scale), " ".join(f"{int(z)}" for z in zero)
     lines = ["PTM_1.2", "PTM_FORMAT_LRGB" if lrgb else "PTM_FORMAT_RGB", str(w), str(h), *numbers]
-    body = _body(path, "".join(f"{line}\n" for line in lines), h * w * (9 if lrgb else 18))
-    count = first[1].shape[2]
-    blocks = body[: count * h * w * 6].reshape(count, h, w, 6)[:, ::-1]
-    colours = body[count * h * w * 6 :].reshape(h, w, -1)[::-1]
+    start = "".join(f"{line}\n" for line in lines).encode()
+    body = _body(path, start, h * w * (9 if lrgb else 18))
+    blocks = body[: channels * h * w * 6].reshape(channels, h, w, 6)[:, ::-1]
+    colours = body[channels * h * w * 6 :].reshape(h, w, -1)[::-1]
     for y in range(h):
         blocks[:, y] = zero
-    for band, C, colour in _with(first, bands):
-        for channel in range(count):
+    for band, C, colour in bands:
+        for channel in range(channels):
             blocks[channel, band.rows][band.on] = _codes(C[..., channel], scale, zero)
         if lrgb:
             colours[band.rows][band.on] = np.rint(255 * colour)
@@ -130,13 +128,7 @@ def _rti(path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, 
     stored.flush()
 
 
-def _body(path: Path, start: str | bytes, size: int) -> np.memmap:
+def _body(path: Path, start: bytes, size: int) -> np.memmap:
     """A file that begins so, and the bytes that follow."""
-    start = start.encode() if isinstance(start, str) else start
     path.write_bytes(start)
     return np.memmap(path, np.uint8, "r+", offset=len(start), shape=(size,))
-
-
-def _with(first, rest: Iterator) -> Iterator:
-    yield first
-    yield from rest

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,9 @@ from jaxtyping import Bool, Float
 
 from photonormal.masked import row_bands
 from photonormal.methods.engine import plan
+from photonormal.relighting.bases import Basis
 from photonormal.srgb import from_linear
 from photonormal.types import Capture, InputError, box_of
-
-Basis = Callable[[Float[np.ndarray, "*n 3"]], Float[np.ndarray, "*n k"]]
 
 ROWS = 256  # of each photograph that tell what is white
 BRIGHTEST = 0.999  # share of the samples that are at most white

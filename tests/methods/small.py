@@ -1,6 +1,7 @@
 """normalnet of few channels, with as few of its parts as a test asks for."""
 
-from photonormal.methods.learned.normalnet import NormalNet, NormalNetConfig, begun
+from photonormal.methods.learned.around import begun
+from photonormal.methods.learned.normalnet import NormalNet, NormalNetConfig
 
 BARE = {"expected": False, "memory": 0, "coarse": 0, "far": 0, "attention": 0, "level": False, "compass": False}
 

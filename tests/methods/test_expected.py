@@ -172,6 +172,25 @@ def test_on_large_objects_errors_are_found_on_a_grid(monkeypatch):
     assert np.abs(np.log(sparse / whole))[capture.mask].mean() < 0.25
 
 
+def test_of_the_largest_objects_a_networks_errors_are_found_on_a_grid(monkeypatch):
+    capture = shining(0.5, size=64)
+    told_deg = torch.from_numpy(1 + 5 * np.abs(capture.truth.map[capture.mask][:, 0])).float()
+    found, method = Solution(torch.from_numpy(capture.truth.map[capture.mask]), told_deg), configure("normalnet")
+
+    def errors():
+        return with_expected_error(capture.truth, found, capture, method, CPU).expected_error_deg
+
+    whole, held, evidence_of = errors(), [], expected.evidence_of
+    monkeypatch.setattr(
+        expected, "evidence_of", lambda *how, **more: held.append(len(F := evidence_of(*how, **more))) or F
+    )
+    monkeypatch.setattr(expected, "LARGEST", 300)
+    sparse = errors()
+    assert 100 < sum(held) <= 300 < capture.mask.sum()
+    assert (np.isfinite(sparse) == capture.mask).all()
+    assert np.abs(np.log(sparse / whole))[capture.mask].mean() < 0.25
+
+
 def test_measured_on_the_command_line(tmp_path):
     write_diligent(tmp_path / "ball", lambertian(sphere(), ring(8, 70)))
     out = tmp_path / "result"

@@ -30,9 +30,9 @@ def test_a_window_fits_into_its_share(allow, rotations):
     sides = []
     for nbytes in (5e9, 8e9, 20e9, 100e9):
         allow(nbytes)
-        side = plan.side(net, 2, rotations, CPU, LARGE)
+        side = plan.side(net, 2, rotations, CPU, LARGE, 8)
         assert side % net.stride == 0 and 64 <= side <= 512
-        assert rotations * plan.SEEN * (side + 4 * net.reach) ** 2 <= plan.WINDOW * nbytes
+        assert (rotations * plan.SEEN + 8 * plan.SAMPLE) * (side + 4 * net.reach) ** 2 <= plan.WINDOW * nbytes
         sides.append(side)
     assert sides == sorted(sides) and sides[-1] == 512
 
@@ -41,8 +41,8 @@ def test_what_is_too_small_is_told(allow):
     net, capture = configure("normalnet").network(), load("demo")
     allow(1e8)
     with pytest.raises(InputError, match=r"a window of 64 pixels .* needs .* such as --memory"):
-        plan.side(net, 2, 1, CPU, LARGE)
-    assert plan.side(net, 2, 1, CPU, (100, 100)) == 512  # what is small is seen as a whole
+        plan.side(net, 2, 1, CPU, LARGE, 8)
+    assert plan.side(net, 2, 1, CPU, (100, 100), 8) == 512  # what is small is seen as a whole
     allow(1e4)
     with pytest.raises(InputError, match=r"a row of 160 pixels .* needs .* such as --memory"):
         plan.pixels(capture)

@@ -9,7 +9,7 @@ import torch
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
 from photonormal.methods.classical.woodham import Woodham
-from photonormal.methods.engine import on_mask, plan, stream
+from photonormal.methods.engine import on_mask, pixels, plan, stream
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.windows import Box
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
@@ -94,7 +94,7 @@ def test_a_first_look_at_some_rows_at_a_time_agrees_with_one_at_all(monkeypatch)
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("near", [False, True])
-def test_rows_encoded_apart_agree_with_all_at_once(kind, near, monkeypatch):
+def test_pixels_encoded_apart_agree_with_all_at_once(kind, near, monkeypatch):
     capture, _ = sphere(n=4)
     if near:  # lights that differ from pixel to pixel
         at = (
@@ -104,7 +104,7 @@ def test_rows_encoded_apart_agree_with_all_at_once(kind, near, monkeypatch):
         capture = replace(capture, lights_at=(at / np.linalg.norm(at, axis=-1, keepdims=True)).astype(np.float32))
     net, passes = network(kind), PASSES.get(kind, 1)
     whole = measure(net, capture, CPU, rotations=4, passes=passes)
-    monkeypatch.setattr(stream, "PART", 500)  # seven rows
+    monkeypatch.setitem(pixels.AT_A_TIME, "cpu", 500)  # 125 pixels
     assert apart_deg(whole, measure(net, capture, CPU, rotations=4, passes=passes)) < 0.01
 
 

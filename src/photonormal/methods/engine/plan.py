@@ -13,7 +13,8 @@ LEVEL = 64  # bytes allowed for each, with what is made of them
 SIDE = {"cpu": 512, "cuda": 1024}  # of a window in pixels, without its margins, at most
 LEAST = 64  # pixels of a window's side, at least
 WINDOW = 2 / 3  # of the memory: the rest is for pictures (`capture.store`)
-SEEN = 3072  # bytes that a network holds for each pixel that a window sees, in each quarter turn; normalnet takes 3043
+SEEN = 3072  # bytes that a network holds for each pixel that a window sees, in each quarter turn
+SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 
 
 def levels() -> int:
@@ -28,13 +29,13 @@ def pixels(capture: Capture) -> int:
     return max(width, levels() // n)
 
 
-def side(net: Network, passes: int, rotations: int, device: torch.device, box: tuple[int, ...]) -> int:
+def side(net: Network, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int) -> int:
     """Side of a window without its margins, a multiple of the network's stride; InputError where none fits.
 
     On a processor it is what the memory allows, if a box (h, w) does not fit as a whole; other devices have their own.
     """
     most, margin = SIDE.get(device.type, SIDE["cuda"]), passes * net.reach
-    held = rotations * SEEN / WINDOW
+    held = (rotations * SEEN + SAMPLE * n * net.pointwise) / WINDOW
     if device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
         least = min((LEAST + 2 * margin) ** 2, box[0] * box[1])
         _refuse(int(held * least), f"a window of {LEAST} pixels with {margin} around it")

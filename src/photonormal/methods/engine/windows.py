@@ -60,6 +60,10 @@ class Box:
         number = torch.cumsum(self.mask.flatten(), 0).view(self.mask.shape) - 1
         return number[seen][self.mask[seen]].numpy()
 
+    def count(self, window: Window) -> int:
+        """Samples that a pass sees of an image in a window: its pixels on the mask, and one for those outside."""
+        return int(self.mask[window.seen].sum()) + 1
+
     def on_mask(self, values: Float[Tensor, "d h w"]) -> Float[Tensor, "p d"]:
         """What is known of the mask's pixels, row by row."""
         return values[:, self.mask].T

@@ -111,7 +111,7 @@ class LambertianPriorNet(Network):
         self.regressor = Regressor(8 * w if self.two else 4 * w, w, config.concat if config.prior else 0)
         kaiming(self)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Shared:
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Shared:
         if self.prior is None:
             return Shared(prior, None)
         return Shared(prior, self.prior.scales[0](prior) if self.config.exchange else self.prior(prior)[-1])

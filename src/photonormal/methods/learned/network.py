@@ -31,7 +31,8 @@ class Network(nn.Module, ABC):
         "channels" (each pixel's and channel's root mean square over the images) or "grey" (that of its grey level)
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
-    pointwise : whether `encode` and `digest` see each pixel by itself; what `begin` gives then has `rows(some)`
+    pointwise : whether `encode` and `digest` see each pixel by itself, and `begin` takes None for the lights where
+        only `look` follows
     widens : whether `width` alone counts its channels and it holds only convolutions and concatenations, so that a
         network half as wide can begin it (`photonormal.train.begin`)
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
@@ -49,7 +50,7 @@ class Network(nn.Module, ABC):
     config: Any
 
     @abstractmethod
-    def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"]) -> Any:
+    def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Any:
         """What all images share, computed once from the prior (zero outside the object) and the lights of them all.
 
         The prior is normals (3 channels), or an earlier pass's normals and memory.

@@ -61,10 +61,7 @@ class MaximumAndTotal(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, x: Tensor) -> tuple[Tensor, Tensor]:
-        maximum, total = x[:, 0].clone(), x[:, 0].to(torch.float32, copy=True)  # (b, ...)
-        for image in x.unbind(1)[1:]:  # twice as fast as two reductions
-            torch.maximum(maximum, image, out=maximum)
-            total += image
+        maximum, total = x.amax(dim=1), x.sum(dim=1, dtype=torch.float32)  # (b, ...)
         ctx.save_for_backward(x, maximum)
         return maximum, total
 
@@ -75,30 +72,10 @@ class MaximumAndTotal(torch.autograd.Function):
         return torch.where(x == maximum[:, None], (gradients[0] + to_all)[:, None], to_all[:, None])
 
 
-def weighted_sum(features: Float[Tensor, "b k p f"], weights: Float[Tensor, "b k p g"]) -> Float[Tensor, "b p f"]:
-    """Float32 sums over the images k; each of g equal groups of features has its own weights."""
-    return WeightedSum.apply(features, weights)  # type: ignore[no-any-return]
+def weighted_sum(features: Float[Tensor, "p k f"], weights: Float[Tensor, "p k g"]) -> Float[Tensor, "p f"]:
+    """Float32 sums over the images k; each of g equal groups of features has its own weights.
 
-
-class WeightedSum(torch.autograd.Function):
-    """Image by image, so that no product of the size of all features is ever written: three times faster."""
-
-    @staticmethod
-    def forward(ctx: Any, x: Tensor, w: Tensor) -> Tensor:
-        ctx.save_for_backward(x, w)
-        images, weights = x.unflatten(-1, (w.shape[-1], -1)).unbind(1), w[..., None].unbind(1)
-        total = (images[0] * weights[0]).float()  # (b, p, groups, f / groups)
-        for image, weight in zip(images[1:], weights[1:], strict=True):
-            total += image * weight
-        return total.flatten(2)
-
-    @staticmethod
-    def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, Tensor]:
-        x, w = ctx.saved_tensors
-        groups = (w.shape[-1], x.shape[3] // w.shape[-1])
-        g = gradients[0].to(x.dtype).unflatten(-1, groups)  # (b, p, groups, f / groups)
-        to_x, to_w = torch.empty_like(x), torch.empty_like(w)
-        for j, image in enumerate(x.unflatten(-1, groups).unbind(1)):
-            torch.mul(g, w[:, j, ..., None], out=to_x[:, j].unflatten(-1, groups))
-            to_w[:, j] = (g * image).sum(-1)
-        return to_x, to_w
+    One matrix product a pixel, of all groups with all weights: faster than products of the size of all features.
+    """
+    every = torch.bmm(weights.mT, features).unflatten(2, (weights.shape[2], -1))  # (p, g, g, f / g)
+    return every.diagonal(dim1=1, dim2=2).mT.flatten(1).float()

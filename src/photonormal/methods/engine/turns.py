@@ -1,0 +1,22 @@
+"""Quarter turns of what a network is shown, and back."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+def turned(v: Tensor, quarters: int, axis: int) -> Tensor:
+    """Vectors along `axis` turned about the view axis, counter-clockwise by quarter turns; from z on all stays."""
+    if quarters % 4 == 0:
+        return v
+    x, y, *rest = v.unbind(axis)
+    for _ in range(quarters % 4):
+        x, y = -y, x
+    return torch.stack([x, y, *rest], axis)
+
+
+def turned_map(v: Float[Tensor, "*b d h w"], quarters: int) -> Float[Tensor, "*b d i j"]:
+    """A map of vectors, turned as a picture is: where they are, and where they point."""
+    return turned(torch.rot90(v, quarters, (-2, -1)), quarters, -3) if quarters % 4 else v

@@ -17,6 +17,7 @@ from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.outline import outlines, resized
+from photonormal.calibration.rim import LINEAR, faded
 from photonormal.calibration.survey import WORKING_SIZE, Photograph, Survey, root, unexplained
 from photonormal.geometry import angle_deg
 
@@ -143,8 +144,9 @@ def _box(place: tuple[float, float, float], shape: tuple[int, int]) -> tuple[sli
 
 def _in_place(roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale: float) -> list[Found]:
     """The circles of one place, in pixels of the photographs; pictures that begin at (x0, y0)."""
-    found = []
-    for c in outlines(roots, OUTLINES, max(1.0, scale)):
+    found, mean = [], np.mean([seen.clip(0) ** LINEAR for seen in roots], axis=0)
+    for seen in outlines(roots, OUTLINES, max(1.0, scale)):
+        c = faded(mean, seen, max(1.0, scale)) if seen.confidence >= CONFIDENCE / 2 else seen
         xy, mirrored = _mirrored(c, dark) if c.confidence >= CONFIDENCE / 2 else (np.full((len(dark), 2), np.nan), 0.0)
         circle = Circle(
             (c.x + 0.5) / scale - 0.5 + x0,

@@ -67,9 +67,9 @@ def test_least_squares_is_exact_on_a_sphere():
     assert residual(integrate(normals, "quadratic").depth, z, normals.mask) < 1e-4
 
 
-def test_mean_slopes_follow_a_bend_more_closely_than_one_sided_ones():
+def test_combined_equations_follow_a_bend_more_closely_than_one_sided_ones():
     normals, z = ball(96)
-    ours, paper = (integrate(normals, "bilateral", midpoint=m).depth for m in (True, False))
+    ours, paper = (integrate(normals, "bilateral", combined=m).depth for m in (2, 0))
     assert residual(ours, z, normals.mask) < 0.7 * residual(paper, z, normals.mask)
 
 
@@ -197,6 +197,8 @@ def test_what_cannot_be_integrated_is_refused():
         integrate(normals, grazing=2.0)
     with pytest.raises(InputError, match=r"k is -1\.0 and"):
         integrate(normals, "bilateral", k=-1.0)
+    with pytest.raises(InputError, match=r"combined is 2 and outlier_deg 0\.0; no fewer than 0 rounds"):
+        integrate(normals, "bilateral", outlier_deg=0.0)
     with pytest.raises(InputError, match="no pixel has a normal"):
         integrate(Normals(np.zeros((4, 4, 3)), np.zeros((4, 4), bool)))
 

@@ -6,6 +6,7 @@ Light may pass behind what is seen: each ray is followed to where it leaves the 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float
@@ -17,6 +18,14 @@ from photonormal.synth.params import indices
 from photonormal.synth.shapes import Field, Solids
 
 Solid = Solids | Bust | MeshViews
+
+
+@runtime_checkable
+class Implicit(Protocol):
+    """A surface where a function of points is zero; about the distance to it."""
+
+    def field(self) -> Field: ...
+
 
 REACH = 2.2  # no solid comes nearer to the camera, or is looked for farther behind the origin
 WIDE, CELLS = 1.7, 24  # half width and resolution of the survey that finds where a solid is
@@ -82,7 +91,7 @@ def approach(solids: Solid, view: View, start: Float[Tensor, "b c"]) -> Float[Te
     return z.repeat_interleave(COARSE, 1).repeat_interleave(COARSE, 2).flatten(1)
 
 
-def visible_surface(solids: Solid, view: View, start: Float[Tensor, "b p"]) -> Geometry:
+def visible_surface(solids: Implicit | MeshViews, view: View, start: Float[Tensor, "b p"]) -> Geometry:
     """March each ray from where `approach` lets it begin to the surface, then false position on the bracketed root."""
     s, px = view.size, view.pixel[:, None]
     if isinstance(solids, MeshViews):

@@ -1,57 +1,86 @@
 """Pictures that are shifted against the others: a camera or an object that moved.
 
 What a picture should show is told by the others, whatever the lights: pictures of a matt surface are combinations of
-three, of others of few more. A picture that moved fits that only after it is shifted back.
+three, of others of few more. A picture that moved is such a combination only after it is shifted back. How well it is
+one is asked at every shift, so that the combination is not spoilt by where the picture lies.
+
+One picture alone says little: what repeats, as threads of a weave do, fits elsewhere, too. So it is judged against the
+others: those that fit best where they are say how well pictures of this object fit.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from photonormal.doctor.finding import Finding, listed
 
 SIZE = 32  # pixels of the smaller side, at least
 FARTHEST = 12  # pixels of a shift looked for, and at most this part of the smaller side
 PART = 5
-RANK = 4  # pictures that the others are combined of
+RANK = 8  # pictures that the others are combined of
+LEAST = 6  # pictures
 DETAIL = 3.0  # pixels: coarser shading moves with the light
-ALIKE = 0.5  # correlation with what the others show, after the shift, at least
-UNEXPLAINED = 0.65  # of a picture's detail after the shift, as part of before, at which it moved
+UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, below which it may have moved
+WORST, WORSE = 0.05, 1.2  # of the pictures that didn't move so many fit as badly; and how much worse than as a rule
 
 
-def combined(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n a b"]:
-    """Each picture as the principal ones of the others show it."""
-    n = len(pictures)
-    A = pictures.reshape(n, -1)
-    G, shown = A @ A.T, np.empty_like(A)
-    for j in range(n):
-        others = np.delete(np.arange(n), j)
-        V = np.linalg.eigh(G[np.ix_(others, others)])[1][:, -min(RANK, n - 2) :]  # (n - 1, r)
-        weights = np.linalg.pinv(V.T @ G[np.ix_(others, others)] @ V, hermitian=True) @ V.T @ G[others, j]
-        shown[j] = (V @ weights) @ A[others]
-    return shown.reshape(pictures.shape)
+def unexplained(
+    pictures: Float[np.ndarray, "n a b"], among: Bool[np.ndarray, " n"]
+) -> Float[np.ndarray, "n 2r+1 2r+1"]:
+    """Part of each picture's detail, shifted by up to r pixels, that those of the others which are `among` don't show.
+
+    Rows of the shifts count downwards, columns to the right; the middle one is none.
+    """
+    import cv2
+
+    r = min(FARTHEST, min(pictures.shape[1:]) // PART)
+    seen = np.sqrt((pictures / max(float(np.quantile(pictures, 0.99)), 1e-9)).clip(0, 1.4)).astype(np.float32)
+    detail = np.stack([picture - cv2.GaussianBlur(picture, (0, 0), DETAIL) for picture in seen])
+    core = detail[:, r:-r, r:-r]
+    A, size = core.reshape(len(core), -1), core.shape[1:]
+    G, left = A @ A.T, np.ones((len(A), 2 * r + 1, 2 * r + 1))
+    for j in range(len(A)):
+        others = np.flatnonzero(among & (np.arange(len(A)) != j))
+        w, V = np.linalg.eigh(G[np.ix_(others, others)])
+        w, V = w[-RANK:].clip(1e-9), V[:, -RANK:]
+        principal = ((V / np.sqrt(w)).T @ A[others]).astype(np.float32)  # orthonormal
+        shown = sum(cv2.matchTemplate(detail[j], u.reshape(size), cv2.TM_CCORR) ** 2 for u in principal)
+        whole = cv2.matchTemplate(detail[j] ** 2, np.ones(size, np.float32), cv2.TM_CCORR)
+        left[j] = 1 - shown / whole.clip(1e-9)
+    return left.clip(1e-6, 1)
 
 
 def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
     """Shift (x right, y down) in pixels of each picture against what the others show; 0 where it is not certain."""
-    import cv2
-
-    r = min(FARTHEST, min(pictures.shape[1:]) // PART)
-    seen = np.sqrt((pictures / max(float(np.quantile(pictures, 0.99)), 1e-9)).clip(0, 1.4))
-    found = np.zeros((len(seen), 2))
-    for j, shown in enumerate(combined(seen)):
-        fit = cv2.matchTemplate(_detail(seen[j]), _detail(shown)[r:-r, r:-r], cv2.TM_CCOEFF_NORMED)  # (2 r + 1)^2
-        y, x = np.unravel_index(int(fit.argmax()), fit.shape)
-        inside = 0 < x < 2 * r and 0 < y < 2 * r and fit[y, x] > ALIKE
-        if inside and (x, y) != (r, r) and 1 - fit[y, x] < UNEXPLAINED * (1 - fit[r, r]):
-            found[j] = x - r + _peak(fit[y, x - 1 : x + 2]), y - r + _peak(fit[y - 1 : y + 2, x])
+    n = len(pictures)
+    found, everything = np.zeros((n, 2)), np.ones(n, bool)
+    suspect = _suspect(unexplained(pictures, everything))
+    if 2 * suspect.sum() >= n or n - suspect.sum() < LEAST - 1 or not suspect.any():
+        return found
+    left = unexplained(pictures, ~suspect)
+    r = left.shape[1] // 2
+    suspect, at_rest = _suspect(left), left[:, r, r]
+    if 2 * suspect.sum() >= n:
+        return found
+    usual = at_rest[~suspect]
+    worse = np.maximum(np.quantile(usual, 1 - WORST), WORSE * np.median(usual))
+    for j in np.flatnonzero(suspect & (at_rest > worse)):
+        y, x = np.unravel_index(int(left[j].argmin()), left[j].shape)
+        found[j] = x - r + _dip(left[j][y, x - 1 : x + 2]), y - r + _dip(left[j][y - 1 : y + 2, x])
     return found
+
+
+def _suspect(left: Float[np.ndarray, "n k k"]) -> Bool[np.ndarray, " n"]:
+    """Pictures that fit clearly better elsewhere, not at the border of what was tried."""
+    r = left.shape[1] // 2
+    inside = left[:, 1:-1, 1:-1].min((1, 2))
+    return (inside < UNEXPLAINED * left[:, r, r]) & (inside <= left.min((1, 2)))
 
 
 def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str]) -> list[Finding]:
     """Pictures that moved; `scale` is that of `pictures` against the photographs."""
-    if min(pictures.shape[1:]) < SIZE or len(pictures) < RANK + 2 or not pictures.any():
+    if min(pictures.shape[1:]) < SIZE or len(pictures) < LEAST or not pictures.any():
         return []
     shift = shifts(pictures) / scale
     moved = np.flatnonzero(np.abs(shift).max(1) > 0)
@@ -70,14 +99,7 @@ def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str])
     ]
 
 
-def _detail(picture: np.ndarray) -> np.ndarray:
-    import cv2
-
-    picture = picture.astype(np.float32)
-    return picture - cv2.GaussianBlur(picture, (0, 0), DETAIL)
-
-
-def _peak(values: np.ndarray) -> float:
-    """Where the parabola through three values has its top, from the middle one."""
+def _dip(values: np.ndarray) -> float:
+    """Where the parabola through three values has its ground, from the middle one."""
     before, at, after = (float(v) for v in values)
-    return 0.5 * (before - after) / min(before - 2 * at + after, -1e-9)
+    return 0.5 * (before - after) / max(before - 2 * at + after, 1e-9)

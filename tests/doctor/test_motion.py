@@ -1,0 +1,55 @@
+"""Pictures that moved are found with their shifts, and none where a pattern repeats."""
+
+import numpy as np
+import pytest
+
+from photonormal.doctor.motion import shifts
+from photonormal.geometry import normalised
+from tests.calibration.chrome import dome
+
+LIGHTS = np.concatenate([dome(12, 60.0), dome(8, 30.0)[:7]])
+SHINE = 20  # exponent of the highlights
+
+
+def shiny(z: np.ndarray) -> np.ndarray:
+    """Pictures (n, h, w) of a relief with highlights, and a little noise."""
+    z_y, z_x = np.gradient(z)
+    N = normalised(np.stack([-z_x, z_y, np.ones_like(z)], axis=-1))
+    half = normalised(LIGHTS + np.array([0, 0, 1]))
+    I = (N @ LIGHTS.T).clip(0) + 0.5 * (N @ half.T).clip(0) ** SHINE
+    return I.transpose(2, 0, 1) + 0.01 * np.random.default_rng(0).standard_normal((len(LIGHTS), *z.shape))
+
+
+@pytest.fixture(scope="module")
+def rough() -> np.ndarray:
+    import cv2
+
+    z = cv2.GaussianBlur(np.random.default_rng(1).standard_normal((90, 110)), (0, 0), 2.5)
+    return shiny(8 * z)
+
+
+@pytest.fixture(scope="module")
+def woven() -> np.ndarray:
+    y, x = np.mgrid[:90, :110].astype(float)
+    return shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))
+
+
+def test_pictures_that_lie_where_the_others_do_have_not_moved(rough, woven):
+    assert not shifts(rough).any() and not shifts(woven).any()
+
+
+@pytest.mark.parametrize("moved", [{4: (5, -2)}, {0: (1, 3), 7: (-3, 0), 11: (-4, -4)}])
+def test_shifts_are_found_and_others_are_left_alone(rough, moved):
+    images = rough.copy()
+    for j, (x, y) in moved.items():
+        images[j] = np.roll(images[j], (y, x), axis=(0, 1))
+    found = shifts(images)
+    assert np.flatnonzero(found.any(1)).tolist() == sorted(moved)
+    assert all(np.abs(found[j] - s).max() < 0.5 for j, s in moved.items())
+
+
+def test_what_repeats_is_not_said_to_have_moved_by_a_repeat(woven):
+    """A shift by whole threads can't be seen in them."""
+    images = woven.copy()
+    images[3] = np.roll(images[3], 7, axis=1)
+    assert not shifts(images).any()

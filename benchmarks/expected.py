@@ -7,8 +7,8 @@ Prints Markdown: pixels sorted by expected error and cut into ten equal parts, m
 degrees, on rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
 in ROOT (`<object>PNG` folders). Methods that solve each pixel by itself are shown every fourth row and column.
 `--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of other materials, under 3 to 100
-lights, and writes `src/photonormal/methods/expected.json`. A method may have options, as in
-`normalnet:weights=mine.safetensors`.
+lights, and writes `src/photonormal/methods/expected.json`, where methods that are not named keep what they have. A
+method may have options, as in `normalnet:weights=mine.safetensors`, but none with `--fit`.
 """
 
 from __future__ import annotations
@@ -70,11 +70,11 @@ def thinned(whole: pn.Capture, name: str) -> pn.Capture:
     return capture if capture.camera is None else replace(capture, camera=Camera(step * capture.camera.mm_per_px))
 
 
-def fit(count: int) -> None:
+def fit(count: int, methods: Sequence[str]) -> None:
     """Render, measure, fit, write."""
-    found: Found = {name: [] for name in METHODS}
+    found: Found = {name: [] for name in methods}
     for i, whole in enumerate(scenes(count, 780, lights=FITTED, scenes=BLOCK, split="train", narrow=0.8)):
-        for name in METHODS:
+        for name in methods:
             if name not in NETWORKS or i // BLOCK % 3 == 0:
                 measured(name, whole, found)
     write(found, count)
@@ -110,8 +110,8 @@ def true_deg(normals: pn.Normals, truth: pn.Normals) -> np.ndarray:
 
 
 def write(found: Found, count: int) -> None:
-    """Fit all methods and write FILE."""
-    methods = {
+    """Fit the methods that were measured and write FILE; the others keep what they have."""
+    methods = json.loads(FILE.read_text())["methods"] | {
         name: {"made_for": asdict(MadeFor.of(configure(name)))} | calibration(rows) for name, rows in found.items()
     }
     command = f"python benchmarks/expected.py --fit --scenes {count}"
@@ -207,7 +207,7 @@ def main() -> None:
     parser.add_argument("--near", type=float)
     args = parser.parse_args()
     if args.fit:
-        return fit(args.scenes or 1000)
+        return fit(args.scenes or 1000, args.methods.split(","))
     print_row("method", "pixels", *[f"{10 * i} to {10 * i + 10} %" for i in range(10)], "all", "within 20 %")
     print_row(*["---"] * 14)
     methods = args.methods.split(",")

@@ -12,7 +12,6 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from pathlib import Path
 from threading import Lock
 
 import numpy as np
@@ -95,7 +94,7 @@ class Store:
         return self._blocks
 
     def _scratch(self) -> np.ndarray:
-        folder, nbytes = scratch_folder(), self._nbytes(SIDE, SIDE)
+        folder, nbytes = memory.scratch_folder(), self._nbytes(SIDE, SIDE)
         free = shutil.disk_usage(folder).free
         if nbytes > free:
             raise InputError(
@@ -121,14 +120,6 @@ class Store:
 
     def _nbytes(self, a: int, b: int) -> int:
         return int(np.prod(self._laid_out(a, b), dtype=np.int64)) * self.dtype.itemsize
-
-
-def scratch_folder() -> Path:
-    """Where scratch files lie: TMPDIR where it is set, else a folder that is on disk, not in memory."""
-    on_disk = Path("/var/tmp")
-    if "TMPDIR" not in os.environ and on_disk.is_dir() and os.access(on_disk, os.W_OK):
-        return on_disk
-    return Path(tempfile.gettempdir())
 
 
 class Framed:

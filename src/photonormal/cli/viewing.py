@@ -8,9 +8,9 @@ from typing import Annotated
 
 from tyro.conf import Positional
 
-from photonormal.cli.kinds import File, Folder, Millimetres, Size, shown
+from photonormal.cli.kinds import File, FileOrFolder, Folder, Millimetres, Size, shown
+from photonormal.handover import FORMATS
 from photonormal.options import Port
-from photonormal.relighting import FORMATS
 from photonormal.types import InputError
 
 
@@ -38,16 +38,19 @@ class View:
 
 @dataclass(frozen=True)
 class Export:
-    """A result for others: as one HTML file (--page), or as a picture that viewers of RTI relight (--to, --out)."""
+    """A result for others: as one HTML file (--page), or in a format of other programs (--to, --out)."""
 
     result: Positional[Path]
     """Folder that `measure` wrote."""
     page: File = None
     """HTML file to write, to relight, turn and measure the result without server or network."""
     to: Annotated[str, shown(f"{{{','.join(FORMATS)}}}")] = ""
-    """Format of --out: ptm (luminance and colour) and ptm-rgb, .ptm files; hsh (9 terms) and hsh16, .rti files."""
-    out: File = None
-    """File to write in the format of --to."""
+    """Format of --out: ptm (luminance and colour) and ptm-rgb, .ptm files; hsh (9 terms) and hsh16, .rti files; relight
+    and relight-hsh, RelightLab's folders for the web; openlime and openlime-hsh, those with a page of OpenLIME."""
+    out: FileOrFolder = None
+    """File or folder to write in the format of --to."""
+    webp: bool = False
+    """Of openlime: tiles of lossless WebP in place of JPEG."""
     capture: Folder = None
     """Its photographs, where they are no longer where its report says."""
     mm_per_px: Millimetres = None
@@ -55,15 +58,17 @@ class Export:
     memory: Size = ""
     """How much memory may be used, such as 3GB; half of what is free by default."""
     overwrite: bool = False
-    """Replace a file that exists."""
+    """Replace a file that exists, or write into a folder that holds others."""
 
     def __call__(self) -> int:
         if (self.page is None) == (self.out is None) or bool(self.to) != (self.out is not None):
-            raise InputError("give --page FILE.html, or --to FORMAT with --out FILE; one of them is needed.")
+            raise InputError("give --page FILE.html, or --to FORMAT with --out FILE or FOLDER; one of them is needed.")
         if self.out is not None:
-            from photonormal.handover import export_relighting
+            from photonormal.files.memory import allow
+            from photonormal.handover.relightable import export_relighting
 
-            print(export_relighting(self.result, self.to, self.out, self.capture, self.overwrite, self.memory))
+            allow(self.memory)
+            print(export_relighting(self.result, self.to, self.out, self.capture, self.overwrite, self.webp))
             return 0
         from photonormal.view import export_page
 

@@ -1,13 +1,13 @@
 """Everything that photonormal writes: files that belong together appear at once, or not at all.
 
 `at_once` writes files of one folder, `write` one file; `recover` clears up what a killed run left in a folder;
-`refuse_taken` tells before the work that a file can't be written.
+`refuse_taken` and `refuse_filled` tell before the work that a file or a folder can't be written.
 """
 
 from photonormal.disk.batch import Batch, Inside, at_once, recover, write
 from photonormal.disk.journal import PARTIAL
 from photonormal.disk.locking import lock, uninterrupted
-from photonormal.disk.refusals import identities, refuse_folder, refuse_taken, unwritable
+from photonormal.disk.refusals import identities, refuse_filled, refuse_folder, refuse_taken, unwritable
 
 __all__ = [
     "PARTIAL",
@@ -17,6 +17,7 @@ __all__ = [
     "identities",
     "lock",
     "recover",
+    "refuse_filled",
     "refuse_folder",
     "refuse_taken",
     "uninterrupted",

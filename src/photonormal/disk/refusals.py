@@ -65,3 +65,25 @@ def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] =
             raise InputError(f"{path} is read here and is not written over; choose another {option}.")
         if not overwrite:
             raise InputError(f"{path} exists; choose another {option}, or add --overwrite to replace it.")
+
+
+def refuse_filled(folder: Path, overwrite: bool, reads: Iterable[Path] = ()) -> None:
+    """InputError where a folder to be written is a file, holds anything without `overwrite`, or holds files read."""
+    try:
+        there = sorted(folder.iterdir())
+    except FileNotFoundError:
+        if folder.is_symlink():
+            raise InputError(
+                f"{folder} is a link to nothing but a folder is to be written; choose another --out."
+            ) from None
+        return
+    except NotADirectoryError:
+        raise InputError(f"{folder} is a file but a folder is to be written there; choose another --out.") from None
+    except OSError as error:
+        raise unwritable(folder, error) from None
+    if identities([folder, *there]) & identities(reads):
+        raise InputError(f"{folder} is read here and is not written into; choose another --out.")
+    if there and not overwrite:
+        raise InputError(
+            f"{folder} holds files; choose another --out, or add --overwrite to write beside and over them."
+        )

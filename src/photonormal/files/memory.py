@@ -1,8 +1,11 @@
-"""How much memory the process may use: what `--memory` says, or half of what is free when it is first asked."""
+"""How much memory the process may use: what `--memory` says, or half of what is free when it is first asked; and where
+scratch files lie that spare it."""
 
 from __future__ import annotations
 
+import os
 import re
+import tempfile
 from functools import cache
 from pathlib import Path
 
@@ -49,6 +52,14 @@ def text_of(nbytes: int, space: str = " ") -> str:
     """
     unit = next((u for u in reversed(UNITS) if nbytes >= UNITS[u]), "KB")
     return f"{-(-10 * nbytes // UNITS[unit]) / 10:g}{space}{unit}"
+
+
+def scratch_folder() -> Path:
+    """Where scratch files lie: TMPDIR where it is set, else a folder that is on disk, not in memory."""
+    on_disk = Path("/var/tmp")
+    if "TMPDIR" not in os.environ and on_disk.is_dir() and os.access(on_disk, os.W_OK):
+        return on_disk
+    return Path(tempfile.gettempdir())
 
 
 @cache

@@ -10,20 +10,11 @@ from jaxtyping import Float
 
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS
+from photonormal.relighting.codes import Codes
 from photonormal.relighting.fit import Band, Fit
 from photonormal.types import Capture, InputError
 
 LARGEST = 2**31 - 1  # bytes: many viewers count them in 32 bits
-LEVELS = 254  # steps of a coefficient's range; one level of 8 bits is left for the rounding of zero's place
-
-
-def check(kind: str, out: Path) -> None:
-    """InputError where there is no such format, or the file's ending is another's."""
-    if kind not in FORMATS:
-        raise InputError(f"no format {kind[:40]!r}; choose from {', '.join(FORMATS)}.")
-    ending = FORMATS[kind][0]
-    if out.suffix.lower() != ending:
-        raise InputError(f"--out {out} ends in {out.suffix!r} but {kind} is a {ending} file; choose such a name.")
 
 
 def write(capture: Capture, kind: str, path: Path) -> None:
@@ -33,7 +24,7 @@ def write(capture: Capture, kind: str, path: Path) -> None:
 
     Parameters
     ----------
-    kind : a key of FORMATS
+    kind : a key of FORMATS whose ending is a file's
     path : the file, which is made or emptied
 
     Raises
@@ -41,9 +32,9 @@ def write(capture: Capture, kind: str, path: Path) -> None:
     InputError
         If the capture's lights are unknown or too few, or the file would be larger than viewers can read.
     """
-    fit = Fit(capture, FORMATS[kind][1])
+    fit = Fit(capture, FORMATS[kind].basis)
     h, w = fit.size
-    k = fit.basis(capture.known_lights()[:1]).shape[-1]
+    k = fit.terms
     lrgb = kind == "ptm"
     size = h * w * (k + 3 if lrgb else 3 * k)
     if size > LARGEST:
@@ -60,21 +51,16 @@ def write(capture: Capture, kind: str, path: Path) -> None:
                 yield band, *split(band)
                 advance(len(band.coefficients))
 
-        low, high = np.zeros(k), np.zeros(k)  # zero is in the range: what is outside the mask is black
-        for _, C, _ in bands():
-            low, high = np.minimum(low, C.min((0, 2))), np.maximum(high, C.max((0, 2)))
-        scale = np.maximum(high - low, 1e-6) / LEVELS  # of one step
-        zero = np.rint(-low / scale)
+        codes = Codes.of(C.swapaxes(1, 2).reshape(-1, k) for _, C, _ in bands())
         if kind.startswith("ptm"):
-            _ptm(path, (h, w), bands(), scale, zero, channels=1 if lrgb else 3)
+            _ptm(path, (h, w), bands(), codes, channels=1 if lrgb else 3)
         else:
-            _rti(path, (h, w), bands(), scale, zero)
+            _rti(path, (h, w), bands(), codes)
 
 
 def _rgb(band: Band) -> tuple[Float[np.ndarray, "p k 3"], np.ndarray]:
     """Coefficients of red, green and blue."""
-    p, k, _ = band.coefficients.shape
-    return np.broadcast_to(band.coefficients, (p, k, 3)), np.empty((p, 0))
+    return band.rgb, np.empty((len(band.rgb), 0))
 
 
 def _lrgb(band: Band) -> tuple[Float[np.ndarray, "p k 1"], Float[np.ndarray, "p 3"]]:
@@ -86,45 +72,39 @@ def _lrgb(band: Band) -> tuple[Float[np.ndarray, "p k 1"], Float[np.ndarray, "p 
     return band.coefficients.mean(-1, keepdims=True) * most[:, None, None], colour / most[:, None]
 
 
-def _codes(C: np.ndarray, scale: np.ndarray, zero: np.ndarray) -> np.ndarray:
-    return np.rint(C / scale + zero).clip(0, 255).astype(np.uint8)
-
-
-def _ptm(
-    path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, zero: np.ndarray, channels: int
-) -> None:
+def _ptm(path: Path, size: tuple[int, int], bands: Iterator, codes: Codes, channels: int) -> None:
     """Coefficients are (code - bias) scale in 255ths of white; rows from the bottom to the top. A block for each
     channel, RGB; of one channel, the luminance of LRGB, a block of colours follows."""
     h, w = size
     lrgb = channels == 1
-    numbers = " ".join(f"{255 * s:.9g}" for s in scale), " ".join(f"{int(z)}" for z in zero)
+    numbers = " ".join(f"{255 * s:.9g}" for s in codes.step), " ".join(f"{int(z)}" for z in codes.zero)
     lines = ["PTM_1.2", "PTM_FORMAT_LRGB" if lrgb else "PTM_FORMAT_RGB", str(w), str(h), *numbers]
     start = "".join(f"{line}\n" for line in lines).encode()
     body = _body(path, start, h * w * (9 if lrgb else 18))
     blocks = body[: channels * h * w * 6].reshape(channels, h, w, 6)[:, ::-1]
     colours = body[channels * h * w * 6 :].reshape(h, w, -1)[::-1]
     for y in range(h):
-        blocks[:, y] = zero
+        blocks[:, y] = codes.zero
     for band, C, colour in bands:
         for channel in range(channels):
-            blocks[channel, band.rows][band.on] = _codes(C[..., channel], scale, zero)
+            blocks[channel, band.rows][band.on] = codes(C[..., channel])
         if lrgb:
             colours[band.rows][band.on] = np.rint(255 * colour)
     body.flush()
 
 
-def _rti(path: Path, size: tuple[int, int], bands: Iterator, scale: np.ndarray, zero: np.ndarray) -> None:
+def _rti(path: Path, size: tuple[int, int], bands: Iterator, codes: Codes) -> None:
     """Coefficients are code / 255 scale + bias, white is 1; rows from the top, in each pixel red, green, blue."""
     h, w = size
-    k = len(scale)
+    k = len(codes.step)
     start = f"#HSH1.2\r\n3\r\n{w} {h} 3\r\n{k} 2 1\r\n".encode()
-    ranges = np.concatenate([255 * scale, -zero * scale]).astype("<f4").tobytes()
+    ranges = np.concatenate([255 * codes.step, -codes.zero * codes.step]).astype("<f4").tobytes()
     stored = _body(path, start + ranges, h * w * 3 * k)
     body = stored.reshape(h, w, 3, k)
     for y in range(h):
-        body[y] = zero
+        body[y] = codes.zero
     for band, C, _ in bands:
-        body[band.rows][band.on] = _codes(C.swapaxes(1, 2), scale, zero)
+        body[band.rows][band.on] = codes(C.swapaxes(1, 2))
     stored.flush()
 
 

@@ -35,6 +35,11 @@ class Band:
     coefficients: Float[np.ndarray, "p k c"]
     shown: Float[np.ndarray, "p n c"]
 
+    @property
+    def rgb(self) -> Float[np.ndarray, "p k 3"]:
+        """Coefficients of red, green and blue, alike where the photographs are grey."""
+        return np.broadcast_to(self.coefficients, (*self.coefficients.shape[:2], 3))
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -52,12 +57,17 @@ class Fit:
     basis: Basis
 
     def __post_init__(self) -> None:
-        n, terms = self.capture.images.shape[0], self.basis(self.capture.known_lights()[:1]).shape[-1]
-        if n < terms:
+        n, k = self.capture.images.shape[0], self.terms
+        if n < k:
             raise InputError(
-                f"{n} photographs came but a fit of {terms} terms needs at least {terms}; add photographs, or choose a "
-                "format with fewer terms: ptm has 6."
+                f"{n} photographs came but a fit of {k} terms needs at least {k}; add photographs, or choose a format "
+                "with fewer terms: ptm has 6."
             )
+
+    @property
+    def terms(self) -> int:
+        """Coefficients of a pixel and channel."""
+        return self.basis(self.capture.known_lights()[:1]).shape[-1]
 
     @property
     def size(self) -> tuple[int, int]:

@@ -1,0 +1,48 @@
+"""What is read before a result is handed on, and where it may be written to."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from photonormal.capture import files_read
+from photonormal.disk import refuse_filled, refuse_taken
+from photonormal.export import load_normals
+from photonormal.handover import FORMATS
+from photonormal.methods.engine.near import seen_as_distant
+from photonormal.types import Capture, InputError
+from photonormal.view.result import photographs_of, report_of
+
+
+def refuse(kind: str, out: Path, overwrite: bool, reads: Iterable[Path] = ()) -> None:
+    """InputError where there is no such format, the file's ending is another's, or `out` can't be written."""
+    if kind not in FORMATS:
+        raise InputError(f"no format {kind[:40]!r}; choose from {', '.join(FORMATS)}.")
+    ending = FORMATS[kind]
+    if not ending:
+        return refuse_filled(out, overwrite, reads)
+    if out.suffix.lower() != ending:
+        raise InputError(f"--out {out} ends in {out.suffix!r} but {kind} is a {ending} file; choose such a name.")
+    refuse_taken([out], overwrite, reads)
+
+
+def photographs_needed(result: Path, given: Path | None, what: str) -> tuple[Capture, list[Path]]:
+    """The photographs of a result as distant lights would have shown them, and the files that they come from.
+
+    Parameters
+    ----------
+    given : where they are, if not where the report says
+    what : begins the sentence of what is fitted to them
+
+    Raises
+    ------
+    InputError
+        If the folder holds no result, or the photographs are not there: it says where they were.
+    """
+    report = report_of(result)
+    normals = load_normals(result)
+    found, missing = photographs_of(report, given, normals.mask.shape)
+    if found is None:
+        where = f" They were in {report['source']}." if "source" in report else ""
+        raise InputError(f"{what} fitted to the photographs of {result}, which are not there.{where} {missing}")
+    return seen_as_distant(found, normals), files_read(given or report.get("source", ""), found)

@@ -1,0 +1,38 @@
+"""Coefficients in 8 bits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+LEVELS = 254  # steps of a coefficient's range; one level of 8 bits is left for the rounding of zero's place
+
+
+@dataclass(frozen=True)
+class Codes:
+    """A coefficient is (code - zero) step.
+
+    Parameters
+    ----------
+    step : (k,) what one level of the code is
+    zero : (k,) whole numbers from 0 to 255, the codes of 0
+    """
+
+    step: Float[np.ndarray, " k"]
+    zero: Float[np.ndarray, " k"]
+
+    @classmethod
+    def of(cls, parts: Iterable[Float[np.ndarray, "_ k"]]) -> Codes:
+        """Codes whose range reaches from the least to the largest, and to 0: what is outside the mask is black."""
+        low = high = np.zeros(1)
+        for C in parts:
+            low, high = np.minimum(low, C.min(0)), np.maximum(high, C.max(0))
+        step = np.maximum(high - low, 1e-6) / LEVELS
+        return cls(step, np.rint(-low / step))
+
+    def __call__(self, C: Float[np.ndarray, "*p k"]) -> UInt8[np.ndarray, "*p k"]:
+        """The codes of coefficients."""
+        return np.rint(C / self.step + self.zero).clip(0, 255).astype(np.uint8)

@@ -1,0 +1,128 @@
+"""Fits as folders for the web: info.json and pictures of the coefficients, for RelightLab and OpenLIME."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterator
+
+import numpy as np
+
+from photonormal.disk import Batch
+from photonormal.files.memory import scratch_folder
+from photonormal.progress import progress
+from photonormal.relighting import FORMATS, deepzoom
+from photonormal.relighting.codes import Codes
+from photonormal.relighting.fit import Band, Fit
+from photonormal.types import Capture, InputError
+
+QUALITY = 95  # of JPEG
+LARGEST = 65535  # pixels of a JPEG picture's side
+TEXTURE = 4096  # pixels of a picture's side that every graphics card takes; larger ones become tiles for OpenLIME
+PTM = [5, 3, 4, 0, 2, 1]  # 1, u, v, u^2, u v, v^2: their order here, as places in the order of .ptm files
+VERSION = "https://cdn.jsdelivr.net/npm/openlime@1/dist"
+
+
+def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> None:
+    """Fit the photographs, and write the fit of the mask's box; pixels outside the mask are black.
+
+    info.json, and a picture for every three planes: red, green and blue of one coefficient, (code / 255 - bias) scale.
+    For OpenLIME index.html, too, and where a side is longer than TEXTURE, tiles instead of whole pictures.
+
+    Parameters
+    ----------
+    kind : a key of FORMATS that is a folder
+    webp : pictures are lossless WebP, as tiles: OpenLIME takes whole pictures for JPEG
+
+    Raises
+    ------
+    InputError
+        If the capture's lights are unknown or too few, or a picture would be too large.
+    """
+    fit = Fit(capture, FORMATS[kind].basis)
+    (h, w), k = fit.size, fit.terms
+    openlime = kind.startswith("openlime")
+    if webp and not openlime:
+        raise InputError(f"--webp came with --to {kind}, whose pictures are JPEG; leave it out, or choose openlime.")
+    tiled = openlime and (webp or max(h, w) > TEXTURE)
+    if not tiled and max(h, w) > LARGEST:
+        raise InputError(
+            f"the pictures would have {w} x {h} pixels but JPEG ends at {LARGEST}; choose --to openlime, which writes "
+            "tiles, or measure at a smaller --scale."
+        )
+    order = PTM if k == len(PTM) else list(range(k))
+    white = fit.white()
+    with (
+        progress("fit to the light", 2 * int(capture.mask.sum())) as advance,
+        tempfile.TemporaryFile(prefix="photonormal-", dir=scratch_folder()) as file,
+    ):
+
+        def bands() -> Iterator[tuple[Band, np.ndarray]]:
+            for band in fit.bands(white):
+                yield band, band.rgb[:, order].reshape(len(band.rgb), -1)
+                advance(len(band.rgb))
+
+        codes = Codes.of(C for _, C in bands())
+        planes = np.memmap(file, np.uint8, "w+", shape=(k, h, w, 3))
+        for plane, zero in zip(planes, codes.zero.reshape(k, 3), strict=True):
+            plane[:] = zero
+        for band, C in bands():
+            coded = codes(C).reshape(-1, k, 3)
+            for j, plane in enumerate(planes):
+                plane[band.rows][band.on] = coded[:, j]
+        for j, plane in enumerate(planes):
+            if tiled:
+                deepzoom.write(plane, f"plane_{j}", folder, *(("webp", _webp) if webp else ("jpg", _jpeg)))
+            else:
+                folder.write(f"plane_{j}.jpg", _jpeg(plane))
+    about = {
+        "width": w,
+        "height": h,
+        "format": "webp" if webp else "jpg",
+        "type": "ptm" if k == len(PTM) else "hsh",
+        "colorspace": "rgb",
+        "lights": [round(float(v), 5) for v in capture.known_lights().ravel()],
+        "nplanes": 3 * k,
+        "quality": QUALITY,
+        "materials": [{"scale": (255 * codes.step).tolist(), "bias": (codes.zero / 255).tolist()}],
+    }
+    folder.write("info.json", (json.dumps(about) + "\n").encode())
+    if openlime:
+        page = PAGE.format(version=VERSION, layout="deepzoom1px" if tiled else "image")
+        folder.write("index.html", page.encode())
+
+
+def _jpeg(rgb: np.ndarray) -> bytes:
+    import cv2
+
+    how = [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+    return cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), how)[1].tobytes()
+
+
+def _webp(rgb: np.ndarray) -> bytes:
+    import cv2
+
+    lossless = [cv2.IMWRITE_WEBP_QUALITY, 101]
+    return cv2.imencode(".webp", np.ascontiguousarray(rgb[..., ::-1]), lossless)[1].tobytes()
+
+
+PAGE = """<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>Relightable picture</title>
+<link rel="stylesheet" href="{version}/css/skin.css">
+<style>html, body, #view {{ width: 100%; height: 100%; margin: 0; background: black; }}</style>
+</head>
+<body>
+<div id="view"></div>
+<script src="{version}/js/openlime.min.js"></script>
+<script>
+const viewer = new OpenLIME.Viewer("#view", {{ background: "black" }});
+viewer.addLayer("rti", new OpenLIME.Layer({{ type: "rti", url: "info.json", layout: "{layout}" }}));
+new OpenLIME.UIBasic(viewer, {{ skin: "{version}/skin/skin.svg" }});
+</script>
+</body>
+</html>
+"""

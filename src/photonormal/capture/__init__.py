@@ -50,7 +50,8 @@ def load(
     path : folder of a capture, an `.lp` file, or "demo": the capture that comes with the package
     format : a key of FORMATS, or "auto": the first that fits what the folder holds
     images : subset by 1-based numbers, "1-10,15"; empty: all
-    lights : file with light directions, instead of the capture's own
+    lights : file with light directions, instead of the capture's own; "unknown": neither these nor intensities are
+        read, and are found from the photographs when the capture is measured
     mask : mask picture, instead of the capture's own
     srgb : the pictures are sRGB-encoded and have to be linearised; otherwise what their files say is believed
     intensities : file with light intensities, instead of the capture's own

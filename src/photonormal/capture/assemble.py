@@ -28,6 +28,8 @@ from photonormal.crop import Crop
 from photonormal.geometry import from_frame
 from photonormal.types import Camera, Capture, InputError, Lamps, Normals, box_of, unit_lights
 
+UNKNOWN = Path("unknown")  # in place of a file with lights: they are to be found
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -36,7 +38,8 @@ class Choice:
     Parameters
     ----------
     images : a subset by 1-based numbers, "1-10,15"; empty: all
-    lights : file with light directions, instead of the folder's own (`photonormal.capture.lights`)
+    lights : file with light directions, instead of the folder's own (`photonormal.capture.lights`); UNKNOWN: neither
+        the folder's lights nor its intensities are believed
     lights_as : what that file's numbers are, see `photonormal.capture.lights.read_lights`
     ring, elevation, start, clockwise : lamps at equal steps around the object, instead of a file
         (`photonormal.capture.lights.ring`)
@@ -111,6 +114,8 @@ def assemble(
     `intensities` (n, 1 or 3), their file, or None (all 1), `truth` (h, w, 3) with zero or NaN where unknown, or what
     reads it for pictures of (h, w).
     """
+    if choice.lights == UNKNOWN:
+        lights = intensities = lamps = camera = None
     lit = _lit(name, pictures, lights, intensities, choice)
     used, e = lit.pictures, lit.intensities
     boards = _boards(choice, lit, near=lamps is not None)
@@ -225,7 +230,7 @@ def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None
     for option, value in (("--elevation", choice.elevation is not None), ("--clockwise", choice.clockwise)):
         if value:
             raise InputError(f"{option} came without --ring but it says how lamps stand in one; add how many they are.")
-    if choice.lights is not None:
+    if choice.lights is not None and choice.lights != UNKNOWN:
         return read_lights(choice.lights, choice.lights_as)
     return Listed(None, [], lights) if isinstance(lights, np.ndarray) else lights
 

@@ -7,11 +7,11 @@ from dataclasses import asdict, replace
 import torch
 from torch import Tensor, nn
 
-from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.network import Model
 from photonormal.types import InputError
 
 
-def begin(net: Network, begun: Network) -> None:
+def begin(net: Model, begun: Model) -> None:
     """Copy the weights of a trained network into a new one; what the new one has besides stays random.
 
     A network of twice the width begins, where it `widens`, as the same function (after Chen, Goodfellow, Shlens,

@@ -12,7 +12,7 @@ import torch
 
 import photonormal
 from photonormal.disk import at_once
-from photonormal.methods.learned.network import Network, parameters
+from photonormal.methods.learned.network import Model, parameters
 from photonormal.methods.learned.weights import encoded
 
 LICENCE = "MIT"
@@ -24,7 +24,7 @@ TITLES = {  # kind of exam -> its heading
 }
 
 
-def export(out: Path, name: str, net: Network, trained: dict[str, Any]) -> Path:
+def export(out: Path, name: str, net: Model, trained: dict[str, Any]) -> Path:
     """Write `name`.safetensors (bf16) and `name`.md into `out`; returns the weights file."""
     data = encoded(trained["network"], net, trained)
     with at_once(out) as batch:
@@ -33,7 +33,7 @@ def export(out: Path, name: str, net: Network, trained: dict[str, Any]) -> Path:
     return out / f"{name}.safetensors"
 
 
-def card(name: str, net: Network, trained: dict[str, Any], digest: str) -> str:
+def card(name: str, net: Model, trained: dict[str, Any], digest: str) -> str:
     """The text of the card of a weights file."""
     rows = [
         ("network", f"{trained['network']}, {parameters(net):,} parameters: `{net.config}`"),

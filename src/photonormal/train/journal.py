@@ -62,13 +62,13 @@ class Journal:
             return
         now = time.monotonic()
         mean = float(torch.stack(self.losses).mean())
-        angle = math.acos(max(-1.0, 1 - mean)) if self.loss == "cosine" else 2 * math.asin(min(1.0, mean / 2))
-        degrees = math.degrees(angle)
+        degrees = loss_angle_deg(mean, self.loss)
         samples = batch * (step - self.last_step) / max(now - self.last_time, 1e-9)
-        entry = {"loss": mean, "loss_angle_deg": degrees, "lr": rate, "samples_per_s": samples, "fraction": fraction}
-        self.write(step, "train", entry)
+        entry = {"loss": mean, "lr": rate, "samples_per_s": samples, "fraction": fraction}
+        self.write(step, "train", entry | ({"loss_angle_deg": degrees} if degrees is not None else {}))
         if self.bar:
-            self.bar.update(self.task, description=f"step {step}: loss {degrees:.2f} deg, {samples:.0f} samples/s")
+            loss_now = f"{mean:.3f}" if degrees is None else f"{degrees:.2f} deg"
+            self.bar.update(self.task, description=f"step {step}: loss {loss_now}, {samples:.0f} samples/s")
         self.losses, self.last_step, self.last_time = [], step, now
 
     def write(self, step: int, kind: str, values: dict[str, float]) -> None:
@@ -98,6 +98,13 @@ class Journal:
             self.bar.stop()
         if self.board:
             self.board.close()
+
+
+def loss_angle_deg(loss: float, kind: str) -> float | None:
+    """The angle that a loss of normals stands for, in degrees; None of other losses."""
+    if kind == "cosine":
+        return math.degrees(math.acos(max(-1.0, 1 - loss)))
+    return math.degrees(2 * math.asin(min(1.0, loss / 2))) if kind == "chord" else None
 
 
 def refuse_foreign(path: Path) -> None:

@@ -21,7 +21,7 @@ import torch
 import photonormal
 from photonormal.disk import at_once, refuse_taken
 from photonormal.methods.engine.prior import prior_named
-from photonormal.methods.learned.network import Network, placed
+from photonormal.methods.learned.network import M, Model, placed
 from photonormal.methods.learned.processor import computing_in, keep_freed_memory, number_format
 from photonormal.methods.learned.weights import build, checksum, load
 from photonormal.options import Count, Positive, Precision, check_value
@@ -31,7 +31,8 @@ from photonormal.train.card import device_name, export
 from photonormal.train.disk import Disk
 from photonormal.train.journal import NAME as JOURNAL
 from photonormal.train.journal import Journal, refuse_foreign
-from photonormal.train.observe import Observed, observe
+from photonormal.train.objective import error
+from photonormal.train.observe import observe
 from photonormal.train.optimiser import Optimiser
 from photonormal.train.recipes import Recipe
 from photonormal.train.replay import replayed
@@ -41,8 +42,6 @@ from photonormal.types import InputError
 log = logging.getLogger(__name__)
 
 CLOCK = 10  # steps between looks at the clock
-CLOSE = 0.02  # chord, about a degree, below which the loss is quadratic
-DOUBT = 0.1  # weight of the loss of expected errors, which moves no normal
 
 
 def train(
@@ -115,7 +114,7 @@ def train(
     stream = stream or rendered()
 
     torch.manual_seed(recipe.seed)
-    net: Network = placed(build(recipe.network, recipe.config), "cpu")
+    net: Model = placed(build(recipe.network, recipe.config), "cpu")
     if begun is not None:
         begin(net, begun)
     for key, p in net.named_parameters():
@@ -148,7 +147,7 @@ def train(
     batches = replayed(source, step, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
-    journal = Journal(out, step, steps, minutes, recipe.loss) if rank == 0 else None
+    journal = Journal(out, step, steps, minutes, recipe.loss if net.learns == "normals" else "") if rank == 0 else None
     fabric.barrier()
     clock = clock or time.monotonic
     start, saved = clock(), time.monotonic()
@@ -193,7 +192,7 @@ def train(
             break
         share = recipe.share(step, fraction)
         seen = observe(next(batches), recipe, net.scaling, step, rank)
-        loss = error(model, seen, recipe, net.memory, 1 if step < recipe.once else recipe.passes, fabric)
+        loss = error(model, net, seen, recipe, 1 if step < recipe.once else recipe.passes, fabric)
         net.zero_grad()
         fabric.backward(loss)
         finite = True
@@ -229,21 +228,6 @@ def train(
         journal.close()
     fabric.barrier()
     return path
-
-
-def error(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, fabric: Any) -> torch.Tensor:
-    """Mean loss over the mask's pixels; its mean over the processes is the mean over all their pixels."""
-    found = model(seen.images, seen.lights, seen.prior, passes)  # (passes b, d, h, w)
-    truth, mask = seen.normals.repeat(passes, 1, 1, 1), seen.mask.repeat(passes, 1, 1, 1)
-    e = 1 - (found[:, :3] * truth).sum(1)  # (passes b, h, w)
-    squared = 2 * e.clamp(min=0)  # |n - n'|^2
-    if recipe.loss == "chord":
-        e = (squared + CLOSE**2).sqrt() - CLOSE
-    if found.shape[1] > 3 + memory:  # least where the expected error is the mean of the true ones, whatever their size
-        true_deg = (2 * torch.asin((squared.detach().sqrt() / 2).clamp(max=1))).rad2deg()
-        e = e + DOUBT * (true_deg / found[:, -1] + found[:, -1].log())
-    pixels = fabric.all_reduce(mask.sum().float(), reduce_op="mean")
-    return (e * mask[:, 0]).sum() / pixels
 
 
 def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
@@ -307,14 +291,14 @@ def rendered() -> Callable[..., Iterable]:
     return Stream
 
 
-def follow(mean: dict[str, torch.Tensor], net: Network, decay: float) -> None:
+def follow(mean: dict[str, torch.Tensor], net: Model, decay: float) -> None:
     """mean <- decay mean + (1 - decay) weights, for every tensor of the network."""
     weights = net.state_dict()
     for k, v in mean.items():
         v.lerp_(weights[k], 1 - decay)
 
 
-def averaged(net: Network, mean: dict[str, torch.Tensor]) -> Network:
+def averaged(net: M, mean: dict[str, torch.Tensor]) -> M:
     """A copy of the network with the running mean of its weights, or itself where there is none."""
     if not mean:
         return net

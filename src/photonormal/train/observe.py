@@ -27,6 +27,7 @@ class Observed(NamedTuple):
     prior: Tensor  # (b, 3, h, w), zero outside the mask
     normals: Tensor  # (b, 3, h, w)
     mask: Tensor  # (b, 1, h, w)
+    intensities: Tensor  # (b, k) of the lights, which the images have in them
 
 
 def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, vary: bool = True) -> Observed:
@@ -51,13 +52,15 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
             )
     else:
         images, lights = images[:, : recipe.images[1]], lights[:, : recipe.images[1]]
+    e = drawn_intensities(recipe, lights.shape[:2], draw).to(images)
+    images = images * e[..., None, None, None]
     prior = prior_normals(name, images, lights, normals, mask, draw)
     moments = moment(scaling, images, mask)
     x = scaled(scaling, images, mask, moments, images.shape[1])
     if vary and scaling == "exposure":
         low, high = (torch.tensor(float(g)).log() for g in recipe.gain)
         x = x * (low + (high - low) * torch.rand(len(x), 1, 1, 1, 1, generator=draw)).exp().to(x)
-    return Observed(x, lights, prior, normals * mask, mask)
+    return Observed(x, lights, prior, normals * mask, mask, e)
 
 
 def drawn_prior(recipe: Recipe, draw: torch.Generator, vary: bool) -> str:
@@ -66,6 +69,14 @@ def drawn_prior(recipe: Recipe, draw: torch.Generator, vary: bool) -> str:
         return ""
     shares = torch.tensor([share for _, share in recipe.priors])
     return recipe.priors[int(torch.multinomial(shares, 1, generator=draw)) if vary else 0][0]
+
+
+def drawn_intensities(recipe: Recipe, shape: torch.Size, draw: torch.Generator) -> Tensor:
+    """Intensities (b, k): within the recipe's factors, each sample's spread over a share of that range; else all 1."""
+    low, high = (torch.tensor(float(e)).log() for e in recipe.intensities)
+    if low == high:
+        return torch.ones(shape)
+    return ((low + (high - low) * torch.rand(shape, generator=draw)) * torch.rand(shape[0], 1, generator=draw)).exp()
 
 
 def prior_normals(

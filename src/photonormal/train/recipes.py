@@ -39,6 +39,7 @@ class Recipe:
         do not outweigh all others)
     learn : the part of the network that learns, by the first letters of its parameters' names; "": all
     gain : factors between which the exposure of a sample is drawn
+    intensities : factors between which the intensity of each light is drawn, for a network that learns lights
     turns : quarter turns and mirror images of every batch
     seed : of the weights, the stream and all of the above
     validate : steps between validations
@@ -66,6 +67,7 @@ class Recipe:
     loss: str = "cosine"
     learn: str = ""
     gain: tuple[float, float] = (0.5, 2.0)
+    intensities: tuple[float, float] = (1.0, 1.0)
     turns: bool = False
     seed: int = 0
     validate: int = 2000
@@ -152,6 +154,32 @@ NORMALNET_CPU = replace(
     validate=3000,
 )
 
+# whole objects, lights exactly known: what a network learns to tell of them
+LIGHTS = Recipe(
+    network="lightsnet",
+    rendering={
+        "size": 64,
+        "crop": 64,
+        "crops": 1,
+        "zoom": 0.0,
+        "intensity_error": 0.0,
+        "light_error_deg": 0.0,
+        "corrupted": 0.1,
+    },
+    images=(6, 32),
+    batch=32,
+    steps=60_000,
+    lr=1e-3,
+    schedule="flat",
+    warmup=100,
+    muon=0.02,
+    clip=1.0,
+    ema=0.999,
+    priors=(),
+    intensities=(0.5, 2.0),
+    turns=True,
+)
+
 RECIPES = {
     "paper": PAPER,
     # Table 1: what the prior is, where it enters, residual or plain
@@ -185,6 +213,8 @@ RECIPES = {
     "psfcn-normalised-cpu": replace(CPU, network="psfcn", config={"width": 32, "normalised": True}, priors=()),
     "normalnet": NORMALNET,
     "normalnet-cpu": NORMALNET_CPU,
+    "sdps-lights": LIGHTS,
+    "sdps-lights-cpu": replace(LIGHTS, images=(6, 24), batch=8, reuse=4, ring=64),
     "normalnet-expected": replace(
         NORMALNET_CPU,
         images=(4, 64),

@@ -15,9 +15,12 @@ from torch import Tensor
 from photonormal.capture import load
 from photonormal.methods.engine import on_mask
 from photonormal.methods.engine.stream import measured
-from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.lightsnet import LightsNet
+from photonormal.methods.learned.network import Model, Network
 from photonormal.methods.learned.processor import inner_precision
+from photonormal.methods.uncalibrated.guess import guess
 from photonormal.scoring import score
+from photonormal.scoring.lights import intensity_error, score_lights
 from photonormal.shading import angle_deg
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
@@ -34,7 +37,7 @@ OBJECTS = ("ball", "bear", "cat", "reading")
 def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Recipe) -> dict[str, list]:
     """The batches of every exam: fixed scenes, windows as training has, as many images as it has at most."""
     n = recipe.images[1]
-    window = {k: v for k, v in recipe.rendering.items() if k in ("size", "crop", "crops")}
+    window = {k: v for k, v in recipe.rendering.items() if k in ("size", "crop", "crops", "zoom")}
     exam = partial(stream, "validation", recipe.batch, device, SEED, 0, lights=(n, n), **window)
     return {kind: list(islice(exam(**changes), BATCHES)) for kind, changes in EXAMS.items()}
 
@@ -45,8 +48,30 @@ def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:
     return angle_deg(a, b)
 
 
+def on_rendered(net: Model, batches: Iterable, recipe: Recipe) -> dict[str, float]:
+    """How wrong a network is on an exam, by what it learns."""
+    return normals_on(net, batches, recipe) if isinstance(net, Network) else lights_on(net, batches, recipe)
+
+
 @torch.no_grad()
-def on_rendered(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, float]:
+def lights_on(net: Model, batches: Iterable, recipe: Recipe) -> dict[str, float]:
+    """Mean and median angle of the lights' directions, degrees, and the intensities' error (%)."""
+    net.eval()
+    angles, wrong = [], []
+    for i, batch in enumerate(batches):
+        seen = observe(batch, recipe, net.scaling, i, vary=False)
+        with inner_precision(seen.images.device):
+            found = net(seen.images, seen.mask)
+        angles.append(angle_deg(found.directions.double(), seen.lights.double()).flatten())
+        told, drawn = (e.cpu().double().numpy() for e in (found.log_intensities.exp(), seen.intensities))
+        wrong += [intensity_error(*pair) for pair in zip(told, drawn, strict=True)]
+    net.train()
+    e = torch.cat(angles)
+    return {"mean_deg": float(e.mean()), "median_deg": float(e.median()), "intensity": 100 * float(np.mean(wrong))}
+
+
+@torch.no_grad()
+def normals_on(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, float]:
     """Mean angular error of the network and of its prior, and the network's shares below 15 and 30 degrees (%)."""
     net.eval()
     ours, priors = [], []
@@ -69,14 +94,17 @@ def real_folder() -> Path | None:
     return folder if "PHOTONORMAL_DATA" in os.environ and folder.is_dir() else None
 
 
-def on_real(net: Network, device: torch.device, passes: int = 1) -> dict[str, float]:
-    """Mean angular error on each real object, and their mean; empty where there are none."""
+def on_real(net: Model, device: torch.device, passes: int = 1) -> dict[str, float]:
+    """Mean angular error on each real object, of normals or lights, and their mean; empty where there are none."""
     folder = real_folder()
-    objects = [o for o in OBJECTS if folder and (folder / f"{o}PNG").is_dir()]
+    objects = {o: folder / f"{o}PNG" for o in OBJECTS if folder and (folder / f"{o}PNG").is_dir()}
     found = {}
-    for name in objects:
-        capture = load(folder / f"{name}PNG")  # type: ignore[operator]
-        if capture.truth is not None:
+    for name, path in objects.items():
+        capture = load(path)
+        if isinstance(net, LightsNet):
+            told = guess(net, load(path, lights="unknown"), device)
+            found[name] = score_lights(told.directions[0].numpy(), capture.known_lights()).mean_deg
+        elif isinstance(net, Network) and capture.truth is not None:
             normals = on_mask(measured(net, capture, device, passes=passes), capture)
             found[name] = score(normals, capture.truth).mean_deg
     net.train()

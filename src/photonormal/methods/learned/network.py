@@ -6,11 +6,13 @@ Training calls the network on a batch; measuring feeds the same three steps imag
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+
+M = TypeVar("M", bound="Model")
 
 
 @runtime_checkable
@@ -22,32 +24,43 @@ class Pool(Protocol):
         ...
 
 
-class Network(nn.Module, ABC):
-    """Normals from images, lights and a prior.
+class Model(nn.Module):
+    """What a training trains and a weights file holds.
 
     Attributes
     ----------
+    learns : "normals" (a `Network`), or "lights" (`learned.lightsnet`)
     scaling : what the images are divided by, so that exposure changes nothing: "exposure" (mean over the object),
         "channels" (each pixel's and channel's root mean square over the images) or "grey" (that of its grey level)
-    stride : image sizes must be multiples of it
-    reach : how many pixels away an input can change an output
-    pointwise : whether `encode` and `digest` see each pixel by itself, and `begin` takes None for the lights where
-        only `look` follows
     widens : whether `width` alone counts its channels and it holds only convolutions and concatenations, so that a
         network half as wide can begin it (`photonormal.train.begin`)
-    memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     Config : the frozen dataclass that `config` is one of
     config : what builds the network again; its field `prior` names a classical method, or is ""
     """
 
     Config: ClassVar[type]
+    learns: ClassVar[str] = "normals"
     scaling: str
+    widens: bool = False
+    config: Any
+
+
+class Network(Model, ABC):
+    """Normals from images, lights and a prior.
+
+    Attributes
+    ----------
+    stride : image sizes must be multiples of it
+    reach : how many pixels away an input can change an output
+    pointwise : whether `encode` and `digest` see each pixel by itself, and `begin` takes None for the lights where
+        only `look` follows
+    memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
+    """
+
     stride: int
     reach: int
     pointwise: bool = False
-    widens: bool = False
     memory: int = 0
-    config: Any
 
     @abstractmethod
     def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Any:
@@ -99,7 +112,7 @@ def at_pixels(lights: Float[Tensor, "b k 3 *hw"]) -> Float[Tensor, "b k 3 h w"]:
     return lights if lights.ndim == 5 else lights[..., None, None]
 
 
-def placed(net: Network, device: torch.device | str) -> Network:
+def placed(net: M, device: torch.device | str) -> M:
     """The network on a device, its filters in the memory order that convolutions are fastest with."""
     return net.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
 

@@ -10,13 +10,14 @@ import hashlib
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save
 
 from photonormal.lookup import lookup
-from photonormal.methods.learned.network import Network, placed
+from photonormal.methods.learned.network import Model, placed
 from photonormal.stored import Size, Word, converted, decoded
 from photonormal.types import InputError
 
@@ -24,12 +25,13 @@ NETWORKS = {  # name -> "module:Class", imported only when asked for
     "lambertian-prior": "photonormal.methods.learned.lambertian_prior:LambertianPriorNet",
     "psfcn": "photonormal.methods.learned.psfcn:PSFCNNet",
     "normalnet": "photonormal.methods.learned.normalnet:NormalNet",
+    "lightsnet": "photonormal.methods.learned.lightsnet:LightsNet",
 }
 
 SHIPPED = Path(__file__).parent / "weights"
 
 
-def build(network: str, config: dict) -> Network:
+def build(network: str, config: dict) -> Any:
     """A network by its name in NETWORKS and the fields of its config, freshly initialised."""
     if network not in NETWORKS:
         raise InputError(f"no network {network!r}; choose from {', '.join(NETWORKS)}.")
@@ -50,7 +52,7 @@ def shipped(name: str) -> Path:
     return SHIPPED / f"{name}.safetensors"
 
 
-def encoded(network: str, net: Network, trained: dict, dtype: torch.dtype = torch.bfloat16) -> bytes:
+def encoded(network: str, net: Model, trained: dict, dtype: torch.dtype = torch.bfloat16) -> bytes:
     """A weights file: the weights with what is needed to build their network again.
 
     `trained` says how they were learned (recipe, seed, steps, ...), in values that JSON knows.
@@ -65,7 +67,7 @@ def encoded(network: str, net: Network, trained: dict, dtype: torch.dtype = torc
     return save(tensors, metadata)
 
 
-def load(path: Path, network: str | None = None, device: torch.device | str = "cpu") -> Network:
+def load(path: Path, network: str | None = None, device: torch.device | str = "cpu") -> Any:
     """The network of a weights file, ready to measure.
 
     Raises

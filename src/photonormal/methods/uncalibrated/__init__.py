@@ -1,0 +1,1 @@
+"""Lights that nobody measured: from the photographs of the object itself."""

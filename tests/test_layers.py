@@ -22,6 +22,7 @@ BASE = {
     "arrays",
     "notebook",
     "crop",
+    "lighting",
 }
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
@@ -32,6 +33,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "lamps": {"errors"},
     "types": {"errors", "lamps", "arrays", "notebook", "crop"},
     "crop": {"types", "options"},
+    "lighting": {"types"},
     "files": {"types", "png"},
     "geometry": {"types"},
     "curl": set(),

@@ -15,9 +15,10 @@ import photonormal
 from photonormal.arrays import as_capture
 from photonormal.doctor import check
 from photonormal.integration import integrate
+from photonormal.lighting import FoundLights
 from photonormal.masked import row_bands
 from photonormal.methods import DEFAULT, configure, options_of
-from photonormal.options import Device, Precision, check_value
+from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
 from photonormal.scoring import score
 from photonormal.types import Capture, Result, box_of
@@ -34,6 +35,7 @@ def measure(
     expected_error: bool = True,
     examine: bool = True,
     precision: Precision = "auto",
+    lights: LightsFrom = "given",
 ) -> Result:
     """Normals, albedo and depth of one capture; nothing is written.
 
@@ -49,6 +51,8 @@ def measure(
     expected_error : whether to tell how far each normal is expected to be off
     examine : whether to look for faults of the photographs and lights (`photonormal.doctor`), the report's warnings
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
+    lights : "given", or "refined": the capture's lights may be off by some degrees each and are mended by what the
+        photographs show (`photonormal.methods.uncalibrated`)
 
     Raises
     ------
@@ -58,14 +62,22 @@ def measure(
     capture = as_capture(capture)
     check_value(device, Device, "device")
     check_value(precision, Precision, "precision")
+    check_value(lights, LightsFrom, "lights")
     solver = configure(method, **(options or {}))
     seconds: dict[str, float] = {}
-    samples, warnings = None, []
+    samples, warnings, told = None, [], None
     if examine:
         with _stage("read", seconds):
             samples = _read(capture)
+    if lights != "given":
+        from photonormal.methods.uncalibrated import found_lights
+
+        with _stage("lights", seconds):
+            told = found_lights(capture, lights)
+        capture, warnings = told.shown_by(capture), list(told.notes)
+    if examine:
         with _stage("check", seconds), progress("checking"):
-            warnings = [finding.message for finding in check(capture)]
+            warnings += [finding.message for finding in check(capture)]
     from photonormal.methods.engine import on_mask, run, with_lights
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
@@ -84,7 +96,8 @@ def measure(
         with _stage("expected error", seconds), progress("expected errors"):
             lit = seen_as_distant(lit, normals)
             normals = with_expected_error(normals, found, lit, solver, where)
-    lights, intensities = (None if v is None else v.numpy() for v in (found.lights, found.intensities))
+    if told is None and found.lights is not None:
+        told = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
     del found  # its normals lie in the map
     rho = surface = None
     if integration is not None:
@@ -119,9 +132,12 @@ def measure(
     }
     if normals.expected_error_deg is not None:
         report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
+    if told is not None:
+        report["found_lights"] = told.as_dict()
     if capture.truth is not None:
         report["score"] = score(normals, capture.truth).as_dict()
-    return Result(capture, normals, rho, surface, lights, intensities, report)
+    lit_by = (None, None) if told is None else (told.lights, told.intensities)
+    return Result(capture, normals, rho, surface, *lit_by, report)
 
 
 def _camera_matrix(capture: Capture, K: np.ndarray | None) -> np.ndarray | None:

@@ -33,6 +33,7 @@ Frame = Annotated[
     Meta(description="opengl, directx, y-down, z-away or blender"),
 ]
 DrawnOn = Annotated[Literal["", "stored", "shown"], Meta(description="stored or shown")]
+LightsFrom = Annotated[Literal["given", "refined"], Meta(description="given or refined")]
 Precision = Annotated[Literal["auto", "float32", "bf16"], Meta(description="auto, float32 or bf16")]
 
 

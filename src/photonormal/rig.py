@@ -84,8 +84,8 @@ def calibrate(
     if radius_mm is not None and len(spheres) * count > 1:
         files["positions"] = out.with_name("light_positions.txt")
     refuse_taken(files.values(), overwrite)
-    from photonormal.calibration import files as text
     from photonormal.calibration.picture import beside, drawn
+    from photonormal.export import lights as text
     from photonormal.export.folder import as_json
     from photonormal.png import encode_png
 
@@ -183,9 +183,9 @@ def check(
     capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
     out : folder for report.json, a polar plot of the lights, and corrected lights where other ones fit; None: no files
     """
-    from photonormal.calibration import files as text
     from photonormal.doctor import check as findings_of
     from photonormal.doctor.coverage import polar_plot
+    from photonormal.export import lights as text
     from photonormal.export.folder import report, whole_folder
     from photonormal.png import encode_png
 
@@ -236,9 +236,9 @@ def intensities(
     region : "x0,y0,x1,y1" in pixels: where the board is, in the reference's photographs or in the object's; the whole
         frame of the reference without it
     """
-    from photonormal.calibration import files as text
     from photonormal.calibration.intensities import from_reference, self_calibrated
     from photonormal.doctor.given import Near
+    from photonormal.export import lights as text
 
     out = Path(out)
     refuse_taken([out], overwrite)

@@ -299,7 +299,7 @@ class Result:
     normals : with how far each is expected to be off, where that is known
     albedo : (h, w, 3) linear, in the unit of the images, zero outside the normals' mask. None: not asked for
     surface : None: not asked for
-    lights, intensities : (n, 3) unit and (n,), where the method found them
+    lights, intensities : (n, 3) unit and (n,), where they were found from the photographs
     report : how it was done: method, options, images, seconds, warnings ..., in JSON's kinds of values
     """
 

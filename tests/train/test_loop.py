@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 import torch
 
+from photonormal.methods.learned.lightsnet import LightsConfig, LightsNet
 from photonormal.methods.learned.weights import load
-from photonormal.train import checkpoint, loop, validate
+from photonormal.train import checkpoint, loop, objective, validate
 from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
 from photonormal.types import InputError
@@ -54,6 +55,20 @@ def same(a, b):
     for part in ("network", "mean"):
         for k in a[part]:
             torch.testing.assert_close(a[part][k], b[part][k], atol=0, rtol=0)
+
+
+def test_a_network_of_lights_learns_in_the_same_loop(tmp_path):
+    recipe = replace(
+        TINY, network="lightsnet", config={"width": 8}, rendering={"crop": 64}, images=(5, 5), priors=(), lr=5e-3, ema=0.0,
+        intensities=(0.5, 2.0), steps=60, validate=100,
+    )  # fmt: skip
+    net = load(run(tmp_path, recipe), "lightsnet")
+    batches = loop.examined(Toy, torch.device("cpu"), recipe)["clean"]
+    untaught = validate.on_rendered(LightsNet(LightsConfig(width=8)), batches, recipe)
+    taught = validate.on_rendered(net, batches, recipe)
+    assert taught["intensity"] < 0.7 * untaught["intensity"]  # which way a quadric is bent nothing tells
+    assert "| mean_deg | median_deg | intensity |" in (tmp_path / "lightsnet.md").read_text()
+    assert [entry for entry in journal(tmp_path) if entry["kind"] == "train" and "loss_angle_deg" not in entry]
 
 
 def test_a_network_becomes_better_than_its_prior(tmp_path):
@@ -188,10 +203,10 @@ def test_a_chord_is_the_angle_where_it_is_small():
     for i, deg in enumerate([0.0, 10.0, 60.0]):
         mask = torch.zeros(1, 1, 1, 3, dtype=torch.bool)
         mask[..., i] = True
-        seen = Observed(N, N, N, truth, mask)
-        found = float(loop.error(lambda images, *rest: images, seen, recipe, 0, 1, Fabric))
+        seen = Observed(N, N, N, truth, mask, N)
+        found = float(objective.of_normals(lambda images, *rest: images, seen, recipe, 0, 1, Fabric))
         chord = 2 * np.sin(np.radians(deg) / 2)
-        assert found == pytest.approx(np.hypot(chord, loop.CLOSE) - loop.CLOSE, abs=1e-4)
+        assert found == pytest.approx(np.hypot(chord, objective.CLOSE) - objective.CLOSE, abs=1e-4)
 
 
 def test_expected_errors_are_learned_on_top_and_are_right_on_average(tmp_path):
@@ -322,9 +337,10 @@ WORKER = """
 import sys, torch
 torch.set_num_threads(1)
 from photonormal.methods.learned import processor
+from photonormal.methods.learned.lightsnet import LightsConfig, LightsNet
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.weights import build
-from photonormal.train import loop
+from photonormal.train import loop, objective
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
 from tests.train.toy import Batch, Toy
@@ -342,7 +358,7 @@ mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // wo
 batch = Batch(*(x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)))
 recipe = Recipe(images=(5, 5))
 seen = observe(batch, recipe, net.scaling, 0, vary=False)
-loss = loop.error(model, seen, recipe, 0, 1, fabric)
+loss = objective.of_normals(model, seen, recipe, 0, 1, fabric)
 fabric.backward(loss)
 if fabric.global_rank == 0:
     torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")

@@ -50,6 +50,18 @@ def test_the_number_of_images_spans_its_range():
     assert seen == {4, 5, 6, 7, 8}
 
 
+def test_intensities_are_in_the_images_and_within_their_range():
+    plain, drawn = (
+        observe(batch(), r, "exposure", 3, vary=False) for r in (PLAIN, replace(PLAIN, intensities=(0.5, 2)))
+    )
+    assert (plain.intensities == 1).all() and len(drawn.intensities.unique()) > 8
+    assert drawn.intensities.min() >= 0.5 and drawn.intensities.max() <= 2
+    ratio = drawn.images / plain.images.clamp(min=1e-6) / drawn.intensities[..., None, None, None]
+    sure = (plain.images > 0.01) & (plain.images < 0.5) & (drawn.images < 1.9)
+    for one, told in zip(ratio, sure, strict=True):  # up to each sample's exposure
+        assert one[told].std() < 1e-3 * one[told].mean()
+
+
 @pytest.mark.parametrize("case", range(8))
 def test_a_turned_matt_scene_is_still_one(case):
     """I = n.l holds for turned images, lights and normals: they turn together."""

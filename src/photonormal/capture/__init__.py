@@ -12,6 +12,7 @@ from typing import Any
 from photonormal.types import Capture, InputError
 
 CROP = "crop.txt"  # x,y,width,height of what is read of the photographs beside it
+UNKNOWN = Path("unknown")  # in place of a file with lights: they are to be found from the photographs
 DEMO = Path(__file__).parents[1] / "data" / "demo"  # a rendered capture with true normals, part of the package
 
 FORMATS = {  # name -> "module", with `matches(path)` and `read(path, choice)`; the first that matches reads
@@ -129,5 +130,6 @@ def told(path: str | Path, how: dict[str, Any], capture: Capture) -> dict[str, A
     """How a capture was read, for reports: its `source`, the options of `load` under `reading`, and the `encoding` that
     its samples were taken to have; paths are absolute."""
     source = str(Path(path).resolve()) if Path(path).exists() else str(path)
-    reading = {key: str(v.resolve()) if isinstance(v, Path) else v for key, v in how.items() if v}
+    files = {key: str(v if v == UNKNOWN else v.resolve()) for key, v in how.items() if isinstance(v, Path)}
+    reading = {key: v for key, v in how.items() if v} | files
     return {"source": source, "reading": reading} | ({"encoding": capture.encoding} if capture.encoding else {})

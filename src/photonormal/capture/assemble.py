@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from photonormal.capture import UNKNOWN
 from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.cropped import cropped
 from photonormal.capture.encoding import encodings, not_applied, told
@@ -27,8 +28,6 @@ from photonormal.capture.texts import read_intensities
 from photonormal.crop import Crop
 from photonormal.geometry import from_frame
 from photonormal.types import Camera, Capture, InputError, Lamps, Normals, box_of, unit_lights
-
-UNKNOWN = Path("unknown")  # in place of a file with lights: they are to be found
 
 
 @dataclass(frozen=True)

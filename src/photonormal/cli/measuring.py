@@ -29,6 +29,8 @@ class How:
     """What networks compute in; auto: bf16 where the machine has instructions for it."""
     integration: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
     """How depth is found; bilateral lets it jump."""
+    refine_lights: bool = False
+    """The lights may be off by some degrees each: mend them by what the photographs show."""
     camera: File = None
     """Text file with the 3 x 3 camera matrix in pixels, for a perspective surface."""
 
@@ -87,6 +89,7 @@ class Measure:
                 K=K,
                 expected_error=written.expected_error,
                 precision=by.precision,
+                lights="refined" if by.refine_lights else "given",
             )
             report = write_result(
                 result,
@@ -107,6 +110,11 @@ class Measure:
         )
         if report.get("mesh", {}).get("every", 1) > 1:
             print(f"the mesh has one of {report['mesh']['every']} rows and columns, see --mesh-faces")
+        if moved := report.get("found_lights", {}).get("moved_deg"):
+            print(
+                f"the lights moved by {sum(moved) / len(moved):.1f} degrees, at most {max(moved):.1f}: "
+                f"{self.out / 'lights.lp'}"
+            )
         if "score" in report:
             print(f"mean angular error {report['score']['mean_deg']:.2f} degrees against the true normals")
         next_step("view", self.out)

@@ -17,7 +17,8 @@ MARKER = {"written_by": "photonormal"}  # in the report of a result
 LONGEST = 2**26  # bytes of a report
 NAMES = (  # of the files of a result, of `measure` and of `check`
     *("normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "error.png"),
-    *("expected-error.png", "lights.png", "corrected.lp", "corrected.png", REPORT),
+    *("expected-error.png", "lights.png", "corrected.lp", "corrected.png"),
+    *("lights.lp", "light_intensities.txt", REPORT),
 )
 
 

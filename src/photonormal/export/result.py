@@ -13,6 +13,7 @@ from photonormal.disk import Batch
 from photonormal.export import encoded
 from photonormal.export.folder import report
 from photonormal.export.labels import with_scale
+from photonormal.export.lights import lp, table
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, preview
 from photonormal.masked import taken
@@ -36,7 +37,8 @@ def write_result(
     """Write a result into a folder, small files at the same time; returns the report, as written.
 
     normals.png and normals.npz, albedo.png, depth.npz and mesh.ply (where depth was found), preview.png,
-    expected-error.png, error.png (where the truth is known) and report.json. `frame` is that of normals.png, a key of
+    expected-error.png, error.png (where the truth is known), lights.lp and light_intensities.txt (where they were
+    found) and report.json. `frame` is that of normals.png, a key of
     photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
     `photonormal.capture.told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
     The mesh has about `most_faces` triangles at most, and is in millimetres where the capture tells a pixel's width.
@@ -63,6 +65,10 @@ def write_result(
     if surface is not None:
         jobs += [mesh, write("depth.npz", surface)]
         told["mesh"] = {"mm": unit is not None, "every": step_for(surface, most_faces)}
+    if result.lights is not None:
+        folder.write("lights.lp", lp(result.capture.image_names, result.lights))
+    if result.intensities is not None:
+        folder.write("light_intensities.txt", table(result.intensities[:, None]))
     with ThreadPoolExecutor(cores() if normals.mask.size < LARGE else 1) as pool:
         for job in [pool.submit(job) for job in jobs]:
             job.result()

@@ -27,9 +27,9 @@ class LightsScore:
 
 def score_lights(
     lights: Float[np.ndarray, "n 3"],
-    truth: Float[np.ndarray, "n 3"],
+    truth: Float[np.ndarray, "m 3"],
     intensities: Float[np.ndarray, " n"] | None = None,
-    true_intensities: Float[np.ndarray, " n"] | None = None,
+    true_intensities: Float[np.ndarray, " m"] | None = None,
 ) -> LightsScore:
     """How wrong n lights are; intensities, of any unit, are compared where both are given.
 

@@ -10,7 +10,6 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from photonormal.calibration import files as text
 from photonormal.calibration.circle import Circle
 from photonormal.calibration.mask import mask_from_shading
 from photonormal.calibration.sphere import Sphere, look_at_spheres
@@ -20,6 +19,7 @@ from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.pictures import find_mask
 from photonormal.crop import Crop
 from photonormal.disk import at_once
+from photonormal.export import lights as text
 from photonormal.export.mesh import display
 from photonormal.options import Coordinate, Positive, Whole
 from photonormal.png import encode_png

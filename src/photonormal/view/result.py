@@ -18,6 +18,7 @@ from photonormal.export.folder import REPORT
 from photonormal.export.heights import heights_px, read_depth
 from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
+from photonormal.lighting import under
 from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
 from photonormal.scoring import error_map_deg
 from photonormal.stored import read_json
@@ -34,6 +35,13 @@ class Reduced(TypedDict):
     scale: Scale
 
 
+class Lit(TypedDict):
+    """Lights that were found from the photographs."""
+
+    directions: list[tuple[float, float, float]]
+    intensities: NotRequired[list[Positive]]
+
+
 class Report(TypedDict):
     """What is read of a result's report; the rest of it may be anything."""
 
@@ -44,6 +52,7 @@ class Report(TypedDict):
     reading: NotRequired[dict[str, Any]]
     expected_error_deg: NotRequired[NotNegative]
     crop: NotRequired[Reduced | None]
+    found_lights: NotRequired[Lit]
 
 
 @dataclass
@@ -192,12 +201,24 @@ def photographs_of(
         found = load(source, **report.get("reading", {}))
         if found.mask.shape != shape:
             raise InputError(f"{source} holds photographs of {found.mask.shape} but the normals are {shape}.")
+        if lit := report.get("found_lights"):
+            found = lit_by(found, lit)
         _ = found.images[0]
         return found, None
     except (InputError, TypeError) as error:
         if given is not None:
             raise InputError(f"--capture: {error}") from None
         return None, "The photographs are no longer where the report says; name them with --capture."
+
+
+def lit_by(capture: Capture, lit: Lit) -> Capture:
+    """The photographs under the lights that were found from them."""
+    lights = np.array(lit["directions"], float).reshape(-1, 3)
+    intensities = np.array(lit["intensities"], float) if "intensities" in lit else None
+    for found in (lights, intensities):
+        if found is not None and len(found) != capture.images.shape[0]:
+            raise InputError(f"the report tells {len(found)} lights of {capture.images.shape[0]} photographs; {AGAIN}.")
+    return under(capture, lights, intensities)
 
 
 def _add_photographs(about: dict[str, Any], capture: Capture | None, box: tuple[slice, slice]) -> Photographs | None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from contextlib import nullcontext
-from dataclasses import replace
 
-import numpy as np
 import torch
 
+from photonormal.lighting import under
 from photonormal.masked import on_map
 from photonormal.methods.contract import Method, Solution, Solver, Streaming
-from photonormal.types import Capture, Image, Images, InputError, Normals, window_of
+from photonormal.types import Capture, InputError, Normals
 
 
 def run(method: Method, capture: Capture, device: torch.device) -> Solution:
@@ -69,20 +68,5 @@ def on_mask(solution: Solution, capture: Capture) -> Normals:
 
 def with_lights(capture: Capture, solution: Solution) -> Capture:
     """The capture under the lights, and divided by the intensities, that a method found, if it did."""
-    if solution.intensities is not None:
-        capture = replace(capture, images=Divided(capture.images, solution.intensities.numpy()), saturation=None)
-    return capture if solution.lights is None else replace(capture, lights=solution.lights.double().numpy())
-
-
-class Divided:
-    """Pictures over the intensities of their lights (`photonormal.types.Images`)."""
-
-    def __init__(self, images: Images, intensities: np.ndarray):
-        self.images, self.intensities, self.shape = images, intensities / intensities.mean(), images.shape
-
-    def window(self, j: int, rows: slice, columns: slice) -> Image:
-        """A part of one picture."""
-        return window_of(self.images, j, rows, columns) / self.intensities[j]
-
-    def __getitem__(self, j: int, /) -> Image:
-        return self.window(j, slice(None), slice(None))
+    lights, intensities = (None if v is None else v.double().numpy() for v in (solution.lights, solution.intensities))
+    return under(capture, lights, intensities)

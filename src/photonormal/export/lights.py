@@ -1,4 +1,4 @@
-"""Calibrated lights as the text of files: `.lp`, a table of directions."""
+"""Lights as the text of files: `.lp`, a table of directions or intensities."""
 
 from __future__ import annotations
 

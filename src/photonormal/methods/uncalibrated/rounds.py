@@ -1,0 +1,73 @@
+"""Lights and normals that explain each other: each is found from the other in turn, until they agree."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.methods.classical.l1 import L1
+from photonormal.methods.classical.trimmed import Trimmed
+from photonormal.methods.uncalibrated.frame import Believed, settled
+from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.shading import angle_deg, cosines, normalised
+
+SPREAD = 0.1  # of a sample over its albedo, beyond which it loses weight: a highlight, or a shadow
+GRAZING = 0.05  # cosine below which a light tells nothing of itself at a pixel
+MANY = 16  # lights, of whose samples some can be left out
+ROUNDS = 8
+AGREE_DEG = 0.05  # mean change of the lights in a round, after which they have settled
+REWEIGHTED = 6
+
+
+def rounds(shown: Shown, L: Float[Tensor, "n 3"], believed: Believed) -> tuple[Tensor, Tensor, float]:
+    """Lights s (n, 3) with their intensities as lengths, normals (p, 3), and the last mean change in degrees.
+
+    `L` are the lights to start from, with their intensities as lengths, which the pictures still have in them.
+    """
+    s, moved = L, float("inf")
+    N = torch.zeros(len(shown.I), 3)
+    for _ in range(ROUNDS):
+        N = normals_under(shown, s)
+        before, s = normalised(s), settled(lights_of(shown, N, s), N, shown.inside, believed)
+        s = s / s.norm(dim=1).mean()
+        moved = float(angle_deg(before, normalised(s)).mean())
+        if moved < AGREE_DEG:
+            break
+    return s, N, moved
+
+
+def normals_under(shown: Shown, s: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+    """Unit normals by a robust classical method; many lights leave room for trimming."""
+    method = Trimmed() if len(s) >= MANY else L1()
+    return method.fit(shown.I / s.norm(dim=1), shown.keep, normalised(s))
+
+
+def over_albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
+    """The samples (p, n) over their pixel's albedo, and which pixels (p, 1) have one: a median over lit samples."""
+    shading = cosines(N, s)  # (p, n)
+    seen = shown.keep & (shading > GRAZING)
+    rho = torch.where(seen, shown.I / shading.clamp(min=GRAZING), torch.nan).nanmedian(1, keepdim=True).values
+    known = (rho > 0) & (N.norm(dim=1, keepdim=True) > 0.5)  # nan is not
+    return torch.where(known, shown.I / torch.where(known, rho, 1), 0), known
+
+
+def misfit(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> float:
+    """Median over lit samples of |I / rho - n.s|: what matt shading leaves unexplained."""
+    I, known = over_albedo(shown, N, s)
+    off = (I - cosines(N, s).clamp(min=0)).abs()[shown.keep & known]
+    return float(off.median()) if off.numel() else float("inf")
+
+
+def lights_of(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """argmin over s_j of sum_p log(1 + (I_pj / rho_p - n_p.s_j)^2 / SPREAD^2), over lit samples, from the lights s."""
+    I, known = over_albedo(shown, N, s)
+    NN = (N[:, :, None] * N[:, None, :]).flatten(1)  # (p, 9)
+    for _ in range(REWEIGHTED):
+        shading = cosines(N, s)
+        spread = SPREAD * s.norm(dim=1)
+        w = (shown.keep & known & (shading > GRAZING)) / (1 + ((I - shading) / spread) ** 2)
+        A = (w.T @ NN).unflatten(1, (3, 3)) + 1e-3 * torch.eye(3)
+        y = (w * I).T @ N
+        s = torch.linalg.solve(A, y)
+    return s

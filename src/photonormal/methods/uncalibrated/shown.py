@@ -1,0 +1,43 @@
+"""What lights are found from: the grey levels of a reduced object."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.methods.inputs.grey import Levels, grey
+from photonormal.methods.uncalibrated.reduced import reduced
+from photonormal.types import Capture
+
+SIDE = 128  # pixels of the square that the object is reduced to
+
+
+@dataclass(frozen=True)
+class Shown:
+    """`p` pixels of a reduced object in `n` images.
+
+    Parameters
+    ----------
+    I : (p, n) grey levels, cut where highlights end
+    keep : (p, n) bool, samples that are lit
+    inside : (h, w) bool, where the pixels lie
+    """
+
+    I: Float[Tensor, "p n"]
+    keep: Bool[Tensor, "p n"]
+    inside: Bool[Tensor, "h w"]
+
+    @classmethod
+    def of(cls, capture: Capture) -> Shown:
+        """Those of a capture."""
+        images, inside = reduced(capture, SIDE)
+        I = grey(images[None])[0, :, 0][:, inside].T.contiguous()
+        levels = Levels.of(I)
+        I = levels.cut_(I)
+        return cls(I, levels.lit(I), inside)
+
+    def over(self, e: Float[Tensor, " n"]) -> Shown:
+        """The same divided by the intensities of the lights."""
+        return replace(self, I=self.I / e)

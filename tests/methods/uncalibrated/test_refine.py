@@ -1,0 +1,138 @@
+"""Lights that are known badly: what is told of them, and what is refused."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+import photonormal as pn
+from photonormal import InputError
+from photonormal.cli import main
+from photonormal.geometry import angle_deg
+from photonormal.methods.uncalibrated.frame import Believed, curl, settled
+from photonormal.methods.uncalibrated.reduced import AROUND, reduced
+from photonormal.methods.uncalibrated.refine import refined
+from photonormal.scoring.lights import score_lights
+from photonormal.types import Camera, Capture, Lamps
+from tests.scenes import lambertian, ring, sphere, write_diligent
+
+
+def scattered(n: int, seed: int = 0) -> np.ndarray:
+    """Directions around the camera, up to about 45 degrees from it."""
+    g = np.random.default_rng(seed)
+    xy = g.uniform(-0.65, 0.65, (n, 2))
+    return np.concatenate([xy, np.sqrt(1 - (xy**2).sum(1, keepdims=True))], axis=1)
+
+
+def shaken(lights: np.ndarray, deg: float, seed: int = 0) -> np.ndarray:
+    """Each turned by its own error, `deg` in the mean."""
+    g = np.random.default_rng(seed)
+    tilt = g.normal(size=lights.shape)
+    tilt -= (tilt * lights).sum(1, keepdims=True) * lights
+    wrong = lights + np.tan(np.radians(deg)) * tilt / np.linalg.norm(tilt, axis=1).mean()
+    return wrong / np.linalg.norm(wrong, axis=1, keepdims=True)
+
+
+@pytest.fixture
+def true():
+    return lambertian(sphere(64), scattered(40))
+
+
+def bowl(x: float) -> np.ndarray:
+    """A map near the identity that is no bas-relief."""
+    return np.eye(3) + x * np.array([[0.5, 1.0, -0.4], [-0.6, 0.2, 0.8], [0.1, -0.2, -0.7]])
+
+
+def test_random_errors_of_five_degrees_are_mended(true):
+    bad = replace(true, lights=shaken(true.lights, 5))
+    before, after = score_lights(bad.lights, true.lights), score_lights(refined(bad).lights, true.lights)
+    assert before.mean_deg > 4.5 and after.mean_deg < 1.5
+
+
+def test_right_lights_stay_right(true):
+    found = refined(true)
+    assert angle_deg(found.lights, true.lights).max() < 0.5
+
+
+def test_the_angles_by_which_lights_moved_are_told(true):
+    bad = replace(true, lights=shaken(true.lights, 5))
+    found = refined(bad)
+    assert found.moved_deg is not None and found.intensities is None
+    np.testing.assert_allclose(found.moved_deg, angle_deg(found.lights, bad.lights), atol=1e-6)
+
+
+def test_order_of_the_images_changes_nothing(true):
+    bad = replace(true, lights=shaken(true.lights, 5))
+    order = np.random.default_rng(1).permutation(40)
+    other = replace(bad, images=np.asarray(bad.images)[order], lights=bad.lights[order])
+    assert angle_deg(refined(bad).lights[order], refined(other).lights).max() < 0.1
+
+
+def test_curl_tells_a_map_that_is_no_bas_relief():
+    truth, A = sphere(96, rim=0.9), bowl(0.05)
+    N = torch.from_numpy(truth.map[truth.mask]) @ torch.from_numpy(np.linalg.inv(A).T).float()
+    N = torch.nn.functional.normalize(N, dim=1)
+    told = curl(N, torch.from_numpy(truth.mask))
+    assert told is not None
+    D = A.T - np.eye(3)  # what takes the normals back, to first order
+    expected = [D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1]]
+    np.testing.assert_allclose(told[0].numpy(), expected, atol=0.02)
+    assert curl(N[:5], torch.from_numpy(np.arange(96 * 96).reshape(96, 96) < 5)) is None
+
+
+def test_lights_and_normals_go_back_into_the_frame_of_believed_lights():
+    truth, A, L = sphere(96, rim=0.9), bowl(0.05), scattered(30)
+    N = torch.from_numpy(truth.map[truth.mask]) @ torch.from_numpy(np.linalg.inv(A).T).float()
+    N, s = torch.nn.functional.normalize(N, dim=1), torch.from_numpy(L @ A).float()
+    found = settled(s, N, torch.from_numpy(truth.mask), Believed(torch.from_numpy(L).float(), 30.0))
+    assert angle_deg(s.numpy(), L).mean() > 1.8
+    assert angle_deg(found.numpy(), L).mean() < 0.5
+
+
+def test_a_reduced_object_is_in_the_middle_and_keeps_its_radiance():
+    mask = np.zeros((90, 70), bool)
+    mask[10:70, 5:35] = True
+    images = np.where(mask[None, ..., None], [[[[0.2]]], [[[0.4]]], [[[0.8]]]], 5.0).astype(np.float32)
+    found, inside = reduced(Capture(images, mask), 32)
+    assert found.shape == (3, 1, 32, 32) and inside.shape == (32, 32)
+    rows, columns = np.nonzero(inside.numpy())
+    assert abs(rows.mean() - 15.5) < 0.6 and abs(columns.mean() - 15.5) < 0.6
+    assert abs(np.ptp(rows) + 1 - 32 / AROUND) <= 1
+    for image, level in zip(found, (0.2, 0.4, 0.8), strict=True):
+        np.testing.assert_allclose(image[0][inside].numpy(), level, rtol=1e-4)
+        assert not image[0][~inside].any()
+
+
+def test_what_cannot_be_mended_is_refused(true):
+    few = replace(true, images=np.asarray(true.images)[:5], lights=true.lights[:5], image_names=())
+    with pytest.raises(InputError, match="5 images came but 6 or more are needed"):
+        refined(few)
+    with pytest.raises(InputError, match="no light directions"):
+        refined(replace(true, lights=None))
+    with pytest.raises(InputError, match="only distant ones"):
+        refined(replace(true, lamps=Lamps(1000 * true.lights), camera=Camera(1.0)))
+
+
+def test_lights_are_scored_by_angle_and_intensities_up_to_a_factor():
+    L = ring(8)
+    found = score_lights(L, L, np.arange(1.0, 10), 3 * np.arange(1.0, 10))
+    assert found.mean_deg == 0 and found.intensity_percent == pytest.approx(0)
+    assert score_lights(L, L, np.ones(9), np.array([1.1] + [1.0] * 8)).intensity_percent == pytest.approx(2.1, abs=0.5)
+    assert score_lights(shaken(L, 5), L).mean_deg == pytest.approx(5, abs=0.5)
+    with pytest.raises(InputError, match="9 lights came but 8 true ones"):
+        score_lights(L, L[:8])
+
+
+def test_measure_mends_lights_and_writes_them(true, tmp_path, capsys):
+    write_diligent(tmp_path / "ball", true)
+    np.savetxt(tmp_path / "ball" / "light_directions.txt", shaken(true.lights, 5))
+    arguments = ["measure", str(tmp_path / "ball"), "--out", str(tmp_path / "r"), "--method", "trimmed", "--no-mesh"]
+    assert main([*arguments, "--refine-lights"]) == 0
+    assert "the lights moved by" in capsys.readouterr().out
+    report = json.loads((tmp_path / "r" / "report.json").read_text())
+    assert report["score"]["mean_deg"] < 2 and len(report["found_lights"]["moved_deg"]) == 40
+    again = pn.load(tmp_path / "ball", lights=tmp_path / "r" / "lights.lp")
+    assert angle_deg(again.lights, true.lights).mean() < 1.5
+    assert np.allclose(again.lights, report["found_lights"]["directions"], atol=1e-5)

@@ -44,6 +44,8 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "options": {"types"},
     "stored": {"types", "files"},
     "progress": set(),
+    "resources": set(),
+    "provenance": {"types", "files", "methods", "stored"},
     "capture": BASE,
     "calibration": BASE,
     "methods": BASE | {"integration", "progress"},  # under near lamps normals need depth
@@ -54,11 +56,15 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "train": BASE | {"capture", "methods", "scoring", "synth", "progress"},
     "doctor": BASE | {"calibration"},
     "rig": BASE | {"capture", "calibration", "doctor", "export", "progress"},
-    "measurement": BASE | {"capture", "methods", "integration", "scoring", "progress", "doctor"},
+    "measurement": BASE | {"capture", "methods", "integration", "scoring", "progress", "doctor", "resources"},
+    "job": BASE | {"capture", "methods", "measurement", "export", "rig", "provenance"},
+    "batch": BASE | {"capture", "job", "export", "provenance", "progress", "resources", "view"},
     "view": BASE | {"capture", "calibration", "scoring", "export", "progress", "rig"},
     "relighting": BASE | {"methods", "progress"},  # the memory's plan
     "handover": BASE | {"capture", "export", "methods", "relighting", "view"},
-    "bench": BASE | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"},
+    "bench": BASE
+    | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"}
+    | {"provenance", "resources", "batch"},
 }
 
 

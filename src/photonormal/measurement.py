@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,12 +13,14 @@ import numpy as np
 import photonormal
 from photonormal.arrays import as_capture
 from photonormal.doctor import check
+from photonormal.doctor.finding import Finding
 from photonormal.integration import integrate
 from photonormal.lighting import FoundLights
 from photonormal.masked import row_bands
 from photonormal.methods import DEFAULT, configure, options_of
 from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
+from photonormal.resources import peak_mb
 from photonormal.scoring import score
 from photonormal.types import Capture, Result, box_of
 
@@ -66,6 +67,7 @@ def measure(
     solver = configure(method, **(options or {}))
     seconds: dict[str, float] = {}
     samples, warnings, told = None, [], None
+    findings: list[Finding] = []
     if examine:
         with _stage("read", seconds):
             samples = _read(capture)
@@ -77,7 +79,8 @@ def measure(
         capture, warnings = told.shown_by(capture), list(told.notes)
     if examine:
         with _stage("check", seconds), progress("checking"):
-            warnings += [finding.message for finding in check(capture)]
+            findings = check(capture)
+        warnings += [finding.message for finding in findings]
     from photonormal.methods.engine import on_mask, run, with_lights
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
@@ -126,9 +129,10 @@ def measure(
         "pixels": {"mask": int(capture.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
         "samples": samples,
         "seconds": seconds,
-        "peak_memory_mb": _peak_memory_mb(),
+        "peak_memory_mb": peak_mb(),
         "weights_sha256": getattr(solver, "weights_sha256", None),
         "warnings": warnings,
+        "findings": [finding.as_dict() for finding in findings],
     }
     if normals.expected_error_deg is not None:
         report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
@@ -185,13 +189,3 @@ def _stage(name: str, seconds: dict[str, float]) -> Iterator[None]:
     start = time.perf_counter()
     yield
     seconds[name] = round(seconds.get(name, 0.0) + time.perf_counter() - start, 4)
-
-
-def _peak_memory_mb() -> float | None:
-    """Largest resident size of this process so far; None where the system does not say."""
-    try:
-        import resource
-    except ImportError:
-        return None
-    unit = 2**20 if sys.platform == "darwin" else 2**10
-    return round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit, 1)

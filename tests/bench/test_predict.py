@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from photonormal.bench import bench, predict, source
+from photonormal.bench import bench, predict
 from photonormal.bench.scores import all_scored
 from photonormal.capture import load
 from photonormal.export import load_normals
@@ -169,23 +169,6 @@ def test_a_run_folder_from_another_version_is_refused(root, tmp_path, run, key, 
     config.write_text(json.dumps(json.loads(config.read_text()) | {key: value}))
     code, _, err = run("bench", "diligent", root, "--methods", "woodham", "--out", out)
     assert code == 2 and says in err and str(out) in err and len(err.splitlines()) == 1
-
-
-def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
-    package = tmp_path / "photonormal"
-    shutil.copytree(source.PACKAGE, package, ignore=shutil.ignore_patterns("weights", "data", "__pycache__"))
-    monkeypatch.setattr(source, "PACKAGE", package)
-    woodham, l1 = "photonormal.methods.classical.woodham", "photonormal.methods.classical.l1"
-    before = [source.source_sha256(m) for m in (woodham, l1)]
-    (package / "bench" / "page" / "html.py").write_text("")
-    (package / "methods" / "classical" / "ward.py").write_text("")
-    assert [source.source_sha256(m) for m in (woodham, l1)] == before
-    with (package / "methods" / "classical" / "l1.py").open("a") as file:
-        file.write("# edited\n")
-    assert source.source_sha256(woodham) == before[0] and source.source_sha256(l1) != before[1]
-    with (package / "shading.py").open("a") as file:  # both compute with it
-        file.write("# edited\n")
-    assert source.source_sha256(woodham) != before[0]
 
 
 def test_one_method_enters_twice_under_two_names(root, tmp_path):

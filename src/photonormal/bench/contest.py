@@ -6,8 +6,8 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from photonormal.bench.source import source_sha256
 from photonormal.methods import METHODS, configure, options_of, parse
+from photonormal.provenance import Made, made_by
 from photonormal.types import InputError
 
 RESERVED = ("truth",)  # folder of a run that is no method's
@@ -25,19 +25,9 @@ class Entry:
         """The method with its options."""
         return configure(self.method, **self.options)
 
-    def config(self) -> dict[str, Any]:
-        """What its predictions depend on: all options, and digests of the weights and of the code."""
-        solver = self.solver()
-        try:
-            weights = getattr(solver, "weights_sha256", None)
-        except OSError as error:
-            raise InputError(f"weights {error.filename} can't be read; train or install them first.") from None
-        return {
-            "method": self.method,
-            "options": self.options_as_stored(),
-            "weights_sha256": weights,
-            "source_sha256": source_sha256(type(solver).__module__),
-        }
+    def config(self) -> Made:
+        """What its predictions depend on: the version, all options, and digests of the weights and of the code."""
+        return made_by(self.method, self.options)
 
     def options_as_stored(self) -> dict[str, Any]:
         """All options in JSON's kinds of values."""

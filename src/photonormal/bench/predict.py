@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import multiprocessing
-import signal
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -16,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from photonormal.batch.workers import began
 from photonormal.bench.benchmarks import Item, items
 from photonormal.bench.contest import Entry, entries
 from photonormal.bench.selections import Plan, Selection, selected
@@ -105,7 +105,7 @@ def bench(
             outcome.failures.append(f"{entry.label}: {error}")
             continue
         for dataset in dict.fromkeys(i.dataset for i in chosen):
-            check_config(Path(out) / entry.label / dataset, config | {"benchmark": benchmark, "precision": precision})
+            check_config(Path(out) / entry.label / dataset, {**config, "benchmark": benchmark, "precision": precision})
         ready.append(entry)
     run = partial(run_object, contest=ready, plan=plan, out=Path(out), device=device, precision=precision, jobs=jobs)
     with progress(f"{benchmark}: {len(chosen)} objects", len(chosen)) as advance:
@@ -173,9 +173,9 @@ def _predict(
     jobs: int,
 ) -> None:
     """One method on one selection, measured and stored."""
-    from photonormal.bench.resources import gpu_peak_mb, peak_mb, processor, reset_peak
     from photonormal.measurement import measure
     from photonormal.methods.engine.device import torch_device
+    from photonormal.resources import gpu_peak_mb, peak_mb, processor, reset_peak
 
     where = torch_device(device)
     part = selected(capture, selection)
@@ -226,7 +226,7 @@ def _each(run: partial[Outcome], chosen: list[Item], jobs: int) -> Iterator[Outc
         return
     threads = max(1, cores() // jobs)
     context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=_few_threads, initargs=(threads,))
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=began, initargs=(threads,))
     try:
         waiting = {pool.submit(run, item): item for item in chosen}
         for future in as_completed(waiting):
@@ -241,15 +241,3 @@ def _each(run: partial[Outcome], chosen: list[Item], jobs: int) -> Iterator[Outc
         raise
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _few_threads(threads: int) -> None:
-    """What a process of the pool begins with: Ctrl-C is its parent's, whose SIGTERM ends it as cleanly."""
-    import torch
-
-    def end(number: int, frame: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, end)
-    torch.set_num_threads(threads)

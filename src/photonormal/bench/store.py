@@ -12,18 +12,18 @@ runs/
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
 import numpy as np
 
-import photonormal
 from photonormal.disk import PARTIAL, at_once, recover
 from photonormal.export.folder import as_json
 from photonormal.files.opening import read_npz
 from photonormal.options import Count, NotNegative, Precision
+from photonormal.provenance import change
 from photonormal.stored import Name, Word, read_json
 from photonormal.types import InputError, Normals
 
@@ -158,9 +158,9 @@ def read_truth(path: Path) -> Truth:
     return Truth(normals, mask, photograph)
 
 
-def check_config(folder: Path, config: dict[str, Any]) -> None:
+def check_config(folder: Path, config: Mapping[str, Any]) -> None:
     """Write a folder's config, or InputError where it holds predictions that were made in another way."""
-    config = {"layout": LAYOUT, "photonormal": photonormal.__version__, **config}
+    config = {"layout": LAYOUT, **config}
     path = folder / CONFIG
     if not path.is_file():
         with at_once(folder) as batch:
@@ -168,18 +168,8 @@ def check_config(folder: Path, config: dict[str, Any]) -> None:
                 raise InputError(f"{folder} holds {others[0]} but no predictions of photonormal; choose another --out.")
             batch.write(CONFIG, as_json(config))
         return
-    before = read_config(path)
-    for key, what in (
-        ("photonormal", "version"),
-        ("method", "method"),
-        ("options", "options"),
-        ("precision", "precision"),
-        ("weights_sha256", "other weights"),
-        ("source_sha256", "other code of the method"),
-    ):
-        if before.get(key, "auto" if key == "precision" else None) != config[key]:
-            change = what if key.endswith("sha256") else f"{what} {before.get(key)}, not {config[key]}"
-            raise InputError(f"{folder} was made with {change}; choose another --out or remove that folder.")
+    if found := change(read_config(path), config):
+        raise InputError(f"{folder} was made with {found[1]}; choose another --out or remove that folder.")
 
 
 def read_config(path: Path) -> Config:

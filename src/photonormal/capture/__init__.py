@@ -85,8 +85,7 @@ def load(
     given = {name: Path(file) for name, file in files.items() if file}
     choice = Choice(images=images, srgb=srgb, crop=crop, scale=scale, **given, **choices)
     try:
-        if path == Path("demo") and not path.exists():
-            path = DEMO
+        path = place_of(path)
         if not path.exists():
             raise InputError(f"{path} does not exist; give the folder of a capture or an .lp file.")
         if not path.is_dir() and format != "rti" and not (format == "auto" and path.suffix.lower() == ".lp"):
@@ -101,6 +100,11 @@ def load(
         raise InputError(
             f"{error.filename or path} can't be read ({error.strerror}); check the path and its permissions."
         ) from None
+
+
+def place_of(path: Path) -> Path:
+    """Where a capture lies: `path`, or in the package for "demo"."""
+    return DEMO if path == Path("demo") and not path.exists() else path
 
 
 def own_crop(folder: Path) -> str:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional
@@ -13,7 +13,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 from photonormal.cli.kinds import File, Where, next_step, warn
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.export.mesh import FACES
-from photonormal.methods import DEFAULT, METHODS, method_class, parse
+from photonormal.methods import DEFAULT, METHODS, method_class
 from photonormal.options import Count, Frame, Precision
 
 
@@ -49,10 +49,24 @@ class Written:
     """Frame of normals.png, which tells it: opengl (green up), directx (green down), y-down, z-away or blender."""
     linear_albedo: bool = False
     """Write albedo.png without the sRGB curve."""
+
+
+@dataclass(frozen=True)
+class Results(Written):
+    """What is written, where, and what is printed."""
+
     json: bool = False
     """Print the report as one JSON object."""
     overwrite: bool = False
     """Write into a folder that exists and is no result of photonormal."""
+
+
+def of_job(by: How, written: Written) -> dict[str, Any]:
+    """The options as fields of a `photonormal.job.Job`."""
+    options = asdict(by) | {field.name: getattr(written, field.name) for field in fields(Written)}
+    if not options.pop("mesh"):
+        options["integration"] = None
+    return options
 
 
 @dataclass(frozen=True)
@@ -65,40 +79,15 @@ class Measure:
     """Folder for the results; it is written whole or not at all."""
     read: Read = field(default_factory=Photographs)
     method: OmitArgPrefixes[How] = How()
-    results: OmitArgPrefixes[Written] = Written()
+    results: OmitArgPrefixes[Results] = Results()
 
     def __call__(self) -> int:
-        from photonormal.capture import files_read, load, told
-        from photonormal.export.folder import as_json, whole_folder
-        from photonormal.export.result import write_result
-        from photonormal.measurement import measure, read_camera
+        from photonormal.export.folder import as_json
+        from photonormal.job import Job, carry_out
 
-        by, written = self.method, self.results
-        method, options = parse(by.method)
-        K, how = read_camera(by.camera), self.read.how()
-        capture = load(self.capture, **how)
-        with whole_folder(
-            self.out, written.overwrite, files_read(self.capture, capture, by.camera, *how.values())
-        ) as folder:
-            result = measure(
-                capture,
-                method,
-                device=by.device,
-                options=options,
-                integration=by.integration if written.mesh else None,
-                K=K,
-                expected_error=written.expected_error,
-                precision=by.precision,
-                lights="refined" if by.refine_lights else "given",
-            )
-            report = write_result(
-                result,
-                folder,
-                written.normals_frame,
-                told(self.capture, how, capture),
-                linear_albedo=written.linear_albedo,
-                most_faces=written.mesh_faces,
-            )
+        written = self.results
+        how = of_job(self.method, written)
+        report = carry_out(Job(self.capture, self.out, self.read.how(), overwrite=written.overwrite, **how))
         warn(report["warnings"])
         if written.json:
             print(as_json(report).decode(), end="")

@@ -15,15 +15,19 @@ from photonormal.types import InputError
 REPORT = "report.json"
 MARKER = {"written_by": "photonormal"}  # in the report of a result
 LONGEST = 2**26  # bytes of a report
-NAMES = (  # of the files of a result, of `measure` and of `check`
+NAMES = (  # of the files of a result, of `measure`, `check` and `batch`
     *("normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "error.png"),
     *("expected-error.png", "lights.png", "corrected.lp", "corrected.png"),
     *("lights.lp", "light_intensities.txt", REPORT),
+    *("sphere.lp", "sphere.json", "sphere_spheres.png"),  # of a calibration
+    *("summary.csv", "summary.parquet", "index.html"),  # of a batch
 )
 
 
 @contextmanager
-def whole_folder(out: Path, overwrite: bool = False, reads: Iterable[Path | None] = ()) -> Iterator[Batch]:
+def whole_folder(
+    out: Path, overwrite: bool = False, reads: Iterable[Path | None] = (), wait_seconds: float = 0
+) -> Iterator[Batch]:
     """A batch of files, of NAMES, that appear in `out` at once; the last one written is `report(batch, ...)`.
 
     A result in `out` that photonormal wrote goes when the new one comes: the files that its report lists, as long as
@@ -33,6 +37,7 @@ def whole_folder(out: Path, overwrite: bool = False, reads: Iterable[Path | None
     Parameters
     ----------
     reads : files and folders that the results are made from; nothing in them is ever replaced
+    wait_seconds : for another process that writes there
 
     Raises
     ------
@@ -45,7 +50,7 @@ def whole_folder(out: Path, overwrite: bool = False, reads: Iterable[Path | None
         _refuse(out, overwrite, used)
     except OSError as error:
         raise unwritable(out, error) from None
-    with at_once(out, wait_seconds=0) as batch:
+    with at_once(out, wait_seconds) as batch:
         _replaced(out, NAMES, overwrite, used)  # once more, after a killed run has been cleared up
         yield batch
         batch.remove = _replaced(out, batch.names, overwrite, used)

@@ -5,9 +5,11 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from math import prod
 from pathlib import Path
-from typing import IO, BinaryIO
+from typing import IO, BinaryIO, NamedTuple
 
 import numpy as np
 
@@ -17,6 +19,33 @@ from photonormal.types import InputError
 TEXT = 4 * 2**20  # bytes of a list of lights or of intensities, at most
 FLAGS = ("O_NONBLOCK", "O_CLOEXEC", "O_NOCTTY", "O_BINARY")  # those that the system has; a FIFO must not block
 OTHERS = {stat.S_IFIFO: "a FIFO", stat.S_IFCHR: "a device", stat.S_IFBLK: "a device", stat.S_IFSOCK: "a socket"}
+
+
+class Stamp(NamedTuple):
+    """What tells a file from what it was before, mostly."""
+
+    bytes: int
+    mtime_ns: int
+
+    @classmethod
+    def of(cls, file: IO[bytes]) -> Stamp:
+        """That of an open file."""
+        status = os.fstat(file.fileno())
+        return cls(status.st_size, status.st_mtime_ns)
+
+
+_noted: list[dict[Path, Stamp]] = []
+
+
+@contextmanager
+def noted() -> Iterator[dict[Path, Stamp]]:
+    """Every file that is opened while the block lasts, by any thread, and what it was then."""
+    opened: dict[Path, Stamp] = {}
+    _noted.append(opened)
+    try:
+        yield opened
+    finally:
+        _noted.remove(opened)
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -38,7 +67,10 @@ def open_file(path: Path) -> BinaryIO:
         raise InputError(f"{path} can be no file's name but a file is needed; correct it.") from None
     kind = stat.S_IFMT(os.fstat(descriptor).st_mode)
     if kind == stat.S_IFREG:
-        return os.fdopen(descriptor, "rb")
+        file = os.fdopen(descriptor, "rb")
+        for opened in _noted:
+            opened.setdefault(Path(path).resolve(), Stamp.of(file))
+        return file
     os.close(descriptor)
     if kind == stat.S_IFDIR:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

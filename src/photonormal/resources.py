@@ -7,11 +7,11 @@ import platform
 import sys
 from pathlib import Path
 
-import torch
-
 
 def reset_peak() -> None:
     """Start to measure anew: on Linux the process' peak is set back, elsewhere it only grows."""
+    import torch
+
     if torch.cuda.is_available():
         torch.cuda.reset_peak_memory_stats()
     try:
@@ -40,6 +40,8 @@ def peak_mb() -> float | None:
 
 def gpu_peak_mb() -> float | None:
     """Largest GPU memory held by tensors since `reset_peak`, in MiB; None without a GPU."""
+    import torch
+
     return round(torch.cuda.max_memory_allocated() / 2**20, 1) if torch.cuda.is_available() else None
 
 

@@ -1,0 +1,184 @@
+"""Which captures a batch measures: what patterns and lists of files name, and what each is called."""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from photonormal.capture.texts import read_lines
+from photonormal.files.opening import read_bytes
+from photonormal.job import Job
+from photonormal.options import check_value
+from photonormal.types import InputError
+
+LISTS = {".csv", ".toml"}
+LONGEST = 2**26  # bytes of a list
+OWN = {"capture", "name"}  # columns of a list that are no options
+
+
+@dataclass(frozen=True)
+class Named:
+    """A capture and what it is called: the folder of its result, below that of the batch."""
+
+    name: str
+    job: Job
+
+
+def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]) -> list[Named]:
+    """The captures that patterns, folders, `.lp` files and lists name, in the order of their names.
+
+    Parameters
+    ----------
+    captures : patterns like "season/*", folders, `.lp` files, and lists (.csv, .toml) with a capture in each row and
+        options of its own
+    out : folder of the results; what lies in it is no capture
+    like : how all are measured
+    kinds : options that a list may give, by name, and their kinds
+
+    Raises
+    ------
+    InputError
+        If a pattern matches nothing, a list can't be used, or two captures have one name.
+    """
+    found: list[tuple[Path, str, dict[str, Any]]] = []
+    fixed: list[Path] = []
+    for text in captures:
+        path = Path(text)
+        if path.suffix.lower() in LISTS and path.is_file():
+            found += _listed(path, kinds)
+            continue
+        matched = [path] if os.path.lexists(path) else _matched(text, out, like.sphere)
+        base = path.parent if os.path.lexists(path) else _fixed(text)
+        fixed.append(base)
+        found += [(p, "", {}) for p in matched]
+    base = Path(os.path.commonpath([os.path.abspath(p) for p in fixed])) if fixed else Path()
+    named: dict[str, Named] = {}
+    for path, name, options in found:
+        name = name or Path(os.path.abspath(path)).relative_to(base).with_suffix(_ending(path)).as_posix()
+        if name in named and named[name].job.capture != path:
+            raise InputError(
+                f"{named[name].job.capture} and {path} would both be called {name}; give them names in a list."
+            )
+        job = replace(like, capture=path, out=out / name)
+        named[name] = Named(name, _with(job, options))
+    for name in named:
+        if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
+            raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
+    return [named[name] for name in sorted(named, key=_natural)]
+
+
+def _natural(name: str) -> list[tuple[bool, int, str]]:
+    """Sorting key that puts 10 after 9, and numbers before words."""
+    return [(False, int(t), "") if t[0] in "0123456789" else (True, 0, t) for t in re.split(r"([0-9]+)", name) if t]
+
+
+def _ending(path: Path) -> str:
+    """What a name keeps of a path's suffix: all, unless it is a list of lights."""
+    return "" if path.suffix.lower() == ".lp" and path.is_file() else path.suffix
+
+
+def _fixed(pattern: str) -> Path:
+    """The part of a pattern before its first wildcard."""
+    parts = Path(pattern).parts
+    wild = next((k for k, part in enumerate(parts) if glob.has_magic(part)), len(parts) - 1)
+    return Path(*parts[:wild])
+
+
+def _matched(pattern: str, out: Path, sphere: str) -> list[Path]:
+    """Folders and `.lp` files that a pattern matches; results and the sphere's own folder are none."""
+    others = [Path(os.path.abspath(p)) for p in (out, sphere) if str(p)]
+    matched = [Path(p) for p in sorted(glob.glob(pattern, recursive=True))]
+    kept = [
+        p
+        for p in matched
+        if (p.is_dir() or p.suffix.lower() == ".lp")
+        and not any(Path(os.path.abspath(p)).is_relative_to(other) for other in others)
+    ]
+    if not kept:
+        place = _fixed(pattern)
+        there = sorted(p.name + "/" * p.is_dir() for p in place.iterdir()) if place.is_dir() else []
+        lies = f"{place} holds {', '.join(there[:8]) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
+        more = f" and {len(there) - 8} more" if len(there) > 8 else ""
+        raise InputError(
+            f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}{more}; correct it."
+        )
+    return kept
+
+
+def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, dict[str, Any]]]:
+    """The captures of a list, their names if they have some, and their options; paths are relative to the list."""
+    rows = _toml(path) if path.suffix.lower() == ".toml" else _csv(path)
+    if not rows:
+        raise InputError(f"{path} lists no captures; give one in each row, under `capture`.")
+    for number, row in enumerate(rows, 1):
+        where = f"{path}, capture {number}"
+        if not isinstance(row.get("capture"), str) or not row["capture"]:
+            raise InputError(f"{where} has no `capture` but the path of a folder or an .lp file is needed; add it.")
+        capture = path.parent / row["capture"]
+        name = str(row.get("name") or "") or capture.name
+        if not re.fullmatch(r"(?!.*(^|/)\.)[^\\\x00-\x1f]+", name) or name.startswith("/") or name.endswith("/"):
+            raise InputError(f"{where} is called {name!r} but a name for its folder of results is needed; give one.")
+        options = {}
+        for key, value in row.items():
+            option = key.strip().replace("-", "_")
+            if option in OWN or value in ("", None):
+                continue
+            if option not in kinds:
+                raise InputError(f"{where} has the option {key[:40]!r}, which there is not; see `photonormal measure`.")
+            options[option] = _value(value, kinds[option], f"{where}: {key}", path.parent)
+        yield capture, name, options
+
+
+def _value(value: Any, kind: Any, called: str, base: Path) -> Any:
+    """A value of a list, of its option's kind."""
+
+    def of_path(wanted: type, given: Any) -> Any:
+        if wanted is Path and isinstance(given, str):
+            return base / given
+        raise NotImplementedError
+
+    try:
+        made = msgspec.convert(value, kind, strict=False, dec_hook=of_path)
+    except (msgspec.ValidationError, NotImplementedError):
+        made = value
+    check_value(made, kind, called)
+    return made
+
+
+def _toml(path: Path) -> list[dict[str, Any]]:
+    try:
+        content = tomllib.loads(read_bytes(path, "a list of captures", LONGEST).decode("utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{path} is no TOML ({str(error).splitlines()[0]}); correct it.") from None
+    rows = content.get("capture")
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise InputError(f"{path} has no [[capture]] but one for each capture is needed, with capture = its path.")
+    return rows
+
+
+def _csv(path: Path) -> list[dict[str, Any]]:
+    import csv
+
+    lines = read_lines(path)
+    separator = ";" if lines and ";" in lines[0] else ","
+    rows = list(csv.DictReader(lines, restkey="", delimiter=separator, skipinitialspace=True))
+    if not rows or "capture" not in rows[0]:
+        raise InputError(f"{path} has no column `capture` but the captures' paths are needed there; add it.")
+    return [{k: v for k, v in row.items() if k} for row in rows]
+
+
+def _with(job: Job, options: dict[str, Any]) -> Job:
+    """The job with options of its own."""
+    if options.get("mesh") is False:
+        options = options | {"integration": None}
+    own = {f.name for f in fields(Job)} & options.keys()
+    reading = {k: v for k, v in options.items() if k not in own | {"mesh"}}
+    return replace(job, **{k: options[k] for k in own}, reading=job.reading | reading)

@@ -1,0 +1,102 @@
+"""A batch: what is not done of its captures is measured, and the summary of all is written."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from photonormal.batch import workers
+from photonormal.batch.captures import Named
+from photonormal.batch.state import State, state_of
+from photonormal.batch.summary import Summary
+from photonormal.batch.work import Outcome
+from photonormal.progress import several
+from photonormal.types import InputError
+
+EVERY_S = 10.0  # between two summaries while captures are measured
+Event = Callable[..., None]  # what happened, to which capture, and more
+
+
+def run(
+    captures: Sequence[Named],
+    out: Path,
+    tell: Event,
+    retry: bool = False,
+    overwrite: bool = False,
+    processes: int | None = None,
+) -> dict[str, Any]:
+    """Measure the captures that are not done, and write the summary; returns how many there are of each kind.
+
+    Parameters
+    ----------
+    captures : what to measure, as `photonormal.batch.captures.jobs` names it
+    out : folder of the batch
+    tell : is called with an event and what belongs to it: ("found", captures=...), ("stale", capture=..., why=...),
+        ("begun", capture=..., process=...), ("done", capture=..., seconds=..., ...), ("failed", capture=...,
+        kind=..., message=...), ("summary", ...)
+    retry : try again what has failed before in the same way
+    overwrite : make results of other options again, and write beside what is no result
+    processes : captures at a time; None: as many as cores and memory allow
+
+    Raises
+    ------
+    InputError
+        If `out` holds other things, or results of other options, without `overwrite`. Nothing has been measured then.
+    """
+    states = {named.name: state_of(named.job) for named in captures}
+    others = [(name, s) for name, s in states.items() if s.kind == "options"]
+    if others and not overwrite:
+        name, state = others[0]
+        raise InputError(
+            f"{out / name} was made with other options ({state.why}), and so were {len(others) - 1} more; give those, "
+            "choose another --out, or add --overwrite to measure them again."
+            if len(others) > 1
+            else f"{out / name} was made with other options ({state.why}); give those, choose another --out, or add "
+            "--overwrite to measure it again."
+        )
+    summary = Summary(out, states, overwrite)
+    summary.write()
+    waiting = [named for named in captures if _wanted(states[named.name], retry)]
+    counts = Counter(kept=len(captures) - len(waiting))
+    tell("found", captures=len(captures), waiting=len(waiting))
+    for name, state in states.items():
+        if state.kind in ("stale", "options"):
+            tell("stale", capture=name, why=state.why)
+        elif state.kind == "failed" and not retry:
+            counts.update(kept=-1, failed=1)
+            tell("failed", capture=name, kind="before", message=state.why)
+    written = time.monotonic()
+    with several(f"{len(waiting)} captures", len(waiting)) as bars:
+
+        def begun(name: str, process: int) -> None:
+            bars.at(name, "begun", 0, None)
+            tell("begun", capture=name, process=process)
+
+        count = workers.how_many(processes, len(waiting))
+        for outcome in workers.run(waiting, count, bars.at, begun):
+            bars.gone(outcome.name)
+            bars.advance()
+            summary.read(outcome.name)
+            counts.update([_told(outcome, tell)])
+            if time.monotonic() - written > EVERY_S:
+                summary.write()
+                written = time.monotonic()
+    summary.write()
+    numbers = {key: counts[key] for key in ("measured", "kept", "failed")}
+    tell("summary", **numbers, out=str(out))
+    return numbers
+
+
+def _wanted(state: State, retry: bool) -> bool:
+    return state.kind not in ("done", "failed") or (state.kind == "failed" and retry)
+
+
+def _told(outcome: Outcome, tell: Event) -> str:
+    if outcome.failure:
+        tell("failed", capture=outcome.name, kind=outcome.kind, message=outcome.failure)
+        return "failed"
+    tell("done", capture=outcome.name, seconds=round(outcome.seconds, 3), **(outcome.numbers or {}))
+    return "measured"

@@ -1,0 +1,124 @@
+"""How far a capture is, by the folder of its result: done, stale, failed or not begun. Nothing else keeps a record."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, NotRequired, TypedDict
+
+from photonormal.capture import place_of
+from photonormal.disk import at_once, recover
+from photonormal.export.folder import MARKER, REPORT, as_json, listed
+from photonormal.files.opening import Stamp
+from photonormal.job import PROVENANCE, Job
+from photonormal.provenance import Inputs, Made, change, changed, inputs
+from photonormal.stored import read_json
+from photonormal.types import InputError
+
+FAILED = "failed"  # in a report
+Kind = Literal["input", "fault", "killed"]  # the capture can't be used, photonormal is at fault, the process has ended
+
+
+class Provenance(TypedDict):
+    """All that a result depends on."""
+
+    made: Made
+    asked: dict[str, Any]
+    inputs: Inputs
+
+
+class Failure(TypedDict):
+    """Why there is no result, or none of what is asked for now."""
+
+    kind: Kind
+    message: str
+    provenance: Provenance | None
+
+
+class Known(TypedDict):
+    """What is read of a report; the rest of it may be anything."""
+
+    files: dict[str, int]
+    provenance: NotRequired[Provenance]
+    failed: NotRequired[Failure]
+
+
+@dataclass(frozen=True)
+class State:
+    """How far a capture is.
+
+    Parameters
+    ----------
+    kind : "done"; "stale": there is a result, but of something else, `why`; "options": of other options, `why`;
+        "failed": it can't be measured, `why`; "begin": there is nothing yet
+    """
+
+    kind: Literal["done", "stale", "options", "failed", "begin"]
+    why: str = ""
+
+
+def state_of(job: Job) -> State:
+    """How far a capture is, by the report in the folder of its result and the files that it was made from."""
+    if not job.out.is_dir():
+        return State("begin")
+    recover(job.out)
+    report, files = read_report(job.out), listed(job.out)
+    if report is None or files is None:
+        return State("begin")
+    failure, made = report.get("failed"), report.get("provenance")
+    if failure is not None:
+        told = failure["provenance"]
+        if failure["kind"] == "killed" or told is None or _difference(job, told) is not None:
+            return State("begin")
+        return State("failed", failure["message"])
+    if made is None:
+        return State("stale", "an earlier version made it")
+    if len(files) < 1 + len(report["files"]):
+        return State("stale", "files of it are gone or have changed")
+    return _difference(job, made) or State("done")
+
+
+def _difference(job: Job, before: Provenance) -> State | None:
+    """What would be different now; None: nothing."""
+    found = change(before["made"], job.made())
+    if found is not None:
+        return State("options" if found[0] in ("method", "options") else "stale", found[1])
+    was, now = before["asked"], job.asked()
+    for key in sorted(was.keys() | now.keys()):
+        if was.get(key) != now.get(key):
+            return State("options", f"{key.replace('_', '-')} {was.get(key, 'not given')}, not {now.get(key, 'none')}")
+    what = changed(place_of(job.capture), before["inputs"])
+    return State("stale", what) if what else None
+
+
+def read_report(folder: Path) -> Known | None:
+    """What a folder's report tells; None where it has none of ours."""
+    if listed(folder) is None:
+        return None
+    try:
+        return read_json(folder / REPORT, Known, "measure again")
+    except InputError:
+        return None
+
+
+def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Stamp] | None) -> None:
+    """Tell in the report of a capture why it can't be measured; a result that is there stays.
+
+    `read` are the files that were opened; None: not known.
+    """
+    try:
+        told = None if read is None else {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
+        failure = {"kind": kind, "message": message, PROVENANCE: told}
+        ours = listed(job.out) is not None
+        if not ours and job.out.is_dir() and any(p.name[0] != "." for p in job.out.iterdir()):
+            return  # somebody else's folder: that is why
+        before = read_json(job.out / REPORT, dict[str, Any], "measure again") if ours else {"files": {}}
+        with at_once(job.out, wait_seconds=0) as batch:
+            batch.write(REPORT, as_json(before | MARKER | {FAILED: failure}))
+    except InputError:
+        return  # it can't be written there: that is why
+
+
+def _inputs(job: Job, read: Mapping[Path, Stamp]) -> Inputs:
+    return inputs(place_of(job.capture), {path: stamp for path, stamp in read.items() if path.is_file()})

@@ -1,0 +1,147 @@
+"""A row for each capture of a batch, read from the reports of the results, as a table that other programs read."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any, NotRequired, TypedDict
+
+from photonormal.batch.state import Failure
+from photonormal.export.folder import MARKER, REPORT, report, whole_folder
+from photonormal.stored import read_json
+from photonormal.types import InputError
+
+PATIENCE_S = 60.0  # for another batch that is just writing its summary
+
+
+class Pixels(TypedDict):
+    """How many there are."""
+
+    mask: int
+    measured: int
+
+
+class Score(TypedDict):
+    """How far the normals are off where the truth is known."""
+
+    mean_deg: float
+
+
+class Found(TypedDict):
+    """What the doctor says."""
+
+    kind: str
+    grave: bool
+    message: str
+
+
+class Reported(TypedDict):
+    """What a summary tells of a report."""
+
+    written_by: str
+    failed: NotRequired[Failure]
+    source: NotRequired[str]
+    method: NotRequired[str]
+    photonormal: NotRequired[str]
+    pixels: NotRequired[Pixels]
+    lights: NotRequired[int]
+    expected_error_deg: NotRequired[float]
+    score: NotRequired[Score]
+    findings: NotRequired[list[Found]]
+    warnings: NotRequired[list[str]]
+    seconds: NotRequired[dict[str, float]]
+    peak_memory_mb: NotRequired[float | None]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One capture."""
+
+    capture: str  # its name, and the folder of its result
+    state: str  # "done", "failed" or "not begun"
+    failure: str = ""
+    pixels: int | None = None  # with a normal
+    lights: int | None = None
+    expected_error_deg: float | None = None
+    error_deg: float | None = None  # against the truth, where it is known
+    grave: int | None = None  # findings that spoil normals
+    findings: int | None = None
+    warnings: str = ""
+    seconds: float | None = None
+    memory_mb: float | None = None
+    method: str = ""
+    version: str = ""
+    source: str = ""
+
+
+class Summary:
+    """The rows of a batch, and its files: a row for each capture, and for each other result below `out`."""
+
+    def __init__(self, out: Path, names: Iterable[str], overwrite: bool) -> None:
+        self.out, self.overwrite = out, overwrite
+        reports = [p.parent.relative_to(out).as_posix() for p in sorted(out.glob("*/**/" + REPORT))]
+        others = [name for name in reports if not any(part.startswith(".") for part in Path(name).parts)]
+        self._rows = {name: row(name, out / name) for name in dict.fromkeys([*names, *others])}
+
+    def read(self, name: str) -> None:
+        """Look again what is told of a capture."""
+        self._rows[name] = row(name, self.out / name)
+
+    def rows(self) -> list[Row]:
+        """What failed comes first."""
+        return sorted(self._rows.values(), key=lambda row: row.state != "failed")
+
+    def write(self) -> None:
+        """Put the summary into the folder of the batch, at once, in place of the one before."""
+        table = self.rows()
+        with whole_folder(self.out, self.overwrite, wait_seconds=PATIENCE_S) as batch:
+            batch.write("summary.csv", as_csv(table))
+            states = [row.state for row in table]
+            report(batch, {"captures": {state: states.count(state) for state in dict.fromkeys(states)}})
+
+
+def row(name: str, folder: Path) -> Row:
+    """What is told of a capture in the folder of its result."""
+    try:
+        told = read_json(folder / REPORT, Reported, "measure again")
+    except InputError:
+        return Row(name, "not begun")
+    if told["written_by"] != MARKER["written_by"]:
+        return Row(name, "not begun")
+    failed = told.get("failed")
+    made = "pixels" in told
+    found = told.get("findings", [])
+    return Row(
+        name,
+        "failed" if failed else "done" if made else "not begun",
+        failed["message"] if failed else "",
+        told["pixels"]["measured"] if "pixels" in told else None,
+        told.get("lights"),
+        told.get("expected_error_deg"),
+        told["score"]["mean_deg"] if "score" in told else None,
+        sum(f["grave"] for f in found) if made else None,
+        len(found) if made else None,
+        " ".join(told.get("warnings", [])),
+        round(sum(told["seconds"].values()), 3) if "seconds" in told else None,
+        told.get("peak_memory_mb"),
+        told.get("method", ""),
+        told.get("photonormal", ""),
+        told.get("source", ""),
+    )
+
+
+def as_csv(table: Sequence[Row]) -> bytes:
+    """UTF-8 with a header, as spreadsheets read it."""
+    text = io.StringIO()
+    to = csv.DictWriter(text, [f.name for f in fields(Row)], lineterminator="\r\n")
+    to.writeheader()
+    to.writerows(_safe(asdict(row)) for row in table)
+    return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "backslashreplace")
+
+
+def _safe(row: dict[str, Any]) -> dict[str, Any]:
+    """Names that a spreadsheet would take for formulas are quoted."""
+    return {k: f"'{v}" if isinstance(v, str) and v.startswith(("=", "+", "-", "@")) else v for k, v in row.items()}

@@ -1,0 +1,51 @@
+"""What every process that works for a batch does with one capture, whoever gave it the work."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from photonormal.batch.captures import Named
+from photonormal.batch.state import Kind, record_failure
+from photonormal.types import InputError
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one capture.
+
+    Parameters
+    ----------
+    failure : why there is no result, one line; "": there is one
+    kind : of the failure
+    numbers : of the result, for events
+    """
+
+    name: str
+    seconds: float
+    failure: str = ""
+    kind: Kind = "input"
+    numbers: dict[str, Any] | None = None
+
+
+def work(named: Named) -> Outcome:
+    """Measure one capture and write its result, or tell in its folder why that can't be."""
+    from photonormal.job import carry_out
+    from photonormal.resources import reset_peak
+
+    start, read = time.perf_counter(), {}
+    reset_peak()
+    try:
+        report = carry_out(named.job, read)
+    except InputError as error:
+        kind, failure = "input", str(error)
+    except MemoryError:
+        kind, failure = "killed", "memory is not enough for it; give fewer --jobs, or more memory."
+    except Exception as error:  # whatever one capture fails with, the others go on
+        kind, failure = "fault", f"a fault of photonormal: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+    else:
+        numbers = {"pixels": report["pixels"]["measured"], "expected_error_deg": report.get("expected_error_deg")}
+        return Outcome(named.name, time.perf_counter() - start, numbers=numbers)
+    record_failure(named.job, kind, failure, read)
+    return Outcome(named.name, time.perf_counter() - start, failure, kind)

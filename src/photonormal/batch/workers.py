@@ -1,0 +1,157 @@
+"""Processes of this machine that measure one capture at a time each. One that ends, however it does, takes nothing
+with it: another takes its place, and its capture is tried again."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from multiprocessing.connection import Connection, wait
+from typing import Any
+
+from photonormal import progress
+from photonormal.batch.captures import Named
+from photonormal.batch.state import record_failure
+from photonormal.batch.work import Outcome, work
+from photonormal.files import memory
+from photonormal.types import cores
+
+TRIES = 3  # of a capture whose process ends early
+EACH = memory.LEAST  # bytes that a process may use, at least
+OFTEN_S = 0.2  # between two words about how far a capture is
+PATIENCE_S = 10.0  # for processes that are to end
+At = Callable[[str, str, int, int | None], None]  # name, what is being done, steps done and in all
+
+
+def how_many(jobs: int | None, captures: int) -> int:
+    """Processes at a time: as asked for, or as many as there are cores and the memory allowed holds."""
+    return min(captures, jobs or min(cores(), max(1, memory.allowed() // EACH)))
+
+
+class Worker:
+    """One process and the pipe to it."""
+
+    def __init__(self, threads: int, nbytes: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, threads, nbytes), daemon=True)
+        self.process.start()
+        theirs.close()
+        self.named: Named | None = None
+
+    def begin(self, named: Named) -> None:
+        """Give it a capture."""
+        self.named = named
+        with contextlib.suppress(OSError):  # it has ended, which the next look at the pipe shows
+            self.pipe.send(named)
+
+
+def run(waiting: Sequence[Named], count: int, at: At, begun: Callable[[str, int], None]) -> Iterator[Outcome]:
+    """What comes of the captures, as it comes, from `count` processes."""
+    todo, died = deque(waiting), Counter()
+    workers: list[Worker] = []
+    threads, nbytes = max(1, cores() // max(1, count)), memory.allowed() // max(1, count)
+    try:
+        while todo or any(w.named for w in workers):
+            while todo and len(workers) < count:
+                workers.append(Worker(threads, nbytes))
+            for worker in workers:
+                if worker.named is None and todo:
+                    named = todo.popleft()
+                    worker.begin(named)
+                    begun(named.name, worker.process.pid or 0)
+            for pipe in wait([w.pipe for w in workers if w.named]):
+                worker = next(w for w in workers if w.pipe is pipe)
+                named = worker.named
+                assert named is not None
+                try:
+                    said = worker.pipe.recv()
+                except (EOFError, OSError):
+                    workers.remove(worker)
+                    _end([worker])
+                    died[named.name] += 1
+                    if died[named.name] < TRIES:
+                        todo.append(named)
+                    else:
+                        yield _ended_early(named, worker.process.exitcode)
+                    continue
+                if isinstance(said, Outcome):
+                    worker.named = None
+                    yield said
+                else:
+                    at(named.name, *said)
+    finally:
+        _end(workers)
+
+
+def _end(workers: Sequence[Worker]) -> None:
+    """End processes as cleanly as Ctrl-C ends a command; at last in any way."""
+    for worker in workers:
+        worker.pipe.close()
+        worker.process.terminate()
+    deadline = time.monotonic() + PATIENCE_S
+    for worker in workers:
+        worker.process.join(max(0.0, deadline - time.monotonic()))
+        if worker.process.is_alive():
+            worker.process.kill()
+            worker.process.join()
+
+
+def _ended_early(named: Named, code: int | None) -> Outcome:
+    how = signal.Signals(-code).name if code is not None and code < 0 else f"code {code}"
+    failure = f"its process ended with {how} {TRIES} times; give fewer --jobs if memory is short, and run it again."
+    record_failure(named.job, "killed", failure, None)
+    return Outcome(named.name, 0.0, failure, "killed")
+
+
+def _serve(pipe: Connection, threads: int, nbytes: int) -> None:
+    """A process of the batch: captures come through the pipe, outcomes go."""
+    began(threads)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    memory.allow(f"{nbytes // 10**6}MB")
+    one_at_a_time, told = threading.Lock(), 0.0
+
+    def tell(title: str, done: int, total: int | None) -> None:
+        nonlocal told
+        with one_at_a_time:
+            now = time.monotonic()
+            if now - told >= OFTEN_S:
+                told = now
+                pipe.send((title, done, total))
+
+    progress.tell_to(tell)
+    try:
+        while True:
+            named: Named = pipe.recv()
+            outcome: Any = work(named)
+            with one_at_a_time:
+                pipe.send(outcome)
+    except (EOFError, OSError, KeyboardInterrupt):
+        return
+
+
+def began(threads: int) -> None:
+    """What a process of a batch begins with: Ctrl-C is its parent's, whose SIGTERM ends it as cleanly."""
+    import cv2
+    import torch
+
+    def end(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, end)
+    torch.set_num_threads(threads)
+    cv2.setNumThreads(threads)
+
+
+def _end_with_parent() -> None:
+    """A batch that is killed leaves no process behind; what was being written, the next run puts right."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

@@ -1,0 +1,170 @@
+"""One measurement from files to files: photographs -> lights of a sphere, if there is one -> result -> its folder.
+
+`measure`, `batch`, and every process that works for a batch do the same by it.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from photonormal.capture import files_read, load, place_of, told
+from photonormal.export.folder import whole_folder
+from photonormal.export.mesh import FACES
+from photonormal.export.result import write_result
+from photonormal.files.opening import Stamp, noted
+from photonormal.measurement import measure, read_camera
+from photonormal.methods import DEFAULT, parse
+from photonormal.options import Frame, Precision
+from photonormal.provenance import Made, inputs, made_by
+from photonormal.rig import AUTO, calibrate
+from photonormal.types import Capture, InputError
+
+PROVENANCE = "provenance"  # in a report
+WITHOUT_EFFECT = {"capture", "out", "method", "device", "overwrite"}  # fields that no value of a result depends on
+
+
+@dataclass(frozen=True)
+class Job:
+    """A capture to be measured, and how.
+
+    Parameters
+    ----------
+    capture : folder or `.lp` file
+    out : folder of the result
+    reading : options of `photonormal.load`
+    method : with its options, "normalnet:rotations=4"
+    device, precision, expected_error : as for `photonormal.measure`
+    integration : a key of photonormal.integration.METHODS; None: no depth and no mesh
+    camera : text file with the 3 x 3 camera matrix
+    refine_lights : whether lights are mended by what the photographs show
+    normals_frame, linear_albedo, mesh_faces : as for `photonormal.export.result.write_result`
+    sphere : where lights are found from a mirror sphere: "AUTO": in the photographs themselves, where they show one; or
+        a folder, inside the capture's or for all captures; "": nowhere
+    overwrite : write into a folder that exists and is no result of photonormal
+    """
+
+    capture: Path
+    out: Path
+    reading: dict[str, Any] = field(default_factory=dict)
+    method: str = DEFAULT
+    device: str = "auto"
+    precision: Precision = "auto"
+    integration: str | None = "quadratic"
+    camera: Path | None = None
+    refine_lights: bool = False
+    expected_error: bool = True
+    normals_frame: Frame = "opengl"
+    linear_albedo: bool = False
+    mesh_faces: int = FACES
+    sphere: str = ""
+    overwrite: bool = False
+
+    def made(self) -> Made:
+        """What its result is made by: version, method, options, weights and code."""
+        return _made(self.method)
+
+    def asked(self) -> dict[str, Any]:
+        """Its other options that have a value and that the result depends on, in JSON's kinds of values."""
+        options = {k: v for k, v in asdict(self).items() if k not in WITHOUT_EFFECT} | self.reading
+        del options["reading"]
+        options.pop("memory", None)
+        given = {k: v for k, v in options.items() if v not in (None, "", False)}
+        return {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in sorted(given.items())}
+
+    def provenance(self, read: Mapping[Path, Stamp]) -> dict[str, Any]:
+        """All that its result depends on; `read` are the files that were opened."""
+        return {"made": self.made(), "asked": self.asked(), "inputs": inputs(place_of(self.capture), read)}
+
+
+@cache
+def _made(method: str) -> Made:
+    name, options = parse(method)
+    return made_by(name, options)
+
+
+def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]:
+    """Measure a capture and write its result; returns the report, as written.
+
+    Parameters
+    ----------
+    read : is told the files that are opened, also where this fails
+
+    Raises
+    ------
+    InputError
+        In one line: what came, what was needed, what to do. Nothing is written then.
+    """
+    read = {} if read is None else read
+    method, options = parse(job.method)
+    with noted() as opened:
+        try:
+            K = read_camera(job.camera)
+            capture, reading, extra = _read(job, opened)
+            with whole_folder(
+                job.out, job.overwrite, files_read(job.capture, capture, job.camera, *reading.values())
+            ) as folder:
+                result = measure(
+                    capture,
+                    method,
+                    device=job.device,
+                    options=options,
+                    integration=job.integration,
+                    K=K,
+                    expected_error=job.expected_error,
+                    precision=job.precision,
+                    lights="refined" if job.refine_lights else "given",
+                )
+                for name, data in extra.files.items():
+                    folder.write(name, data)
+                result.report["warnings"] += extra.notes
+                about = told(job.capture, reading, capture) | {PROVENANCE: job.provenance(opened)}
+                return write_result(
+                    result,
+                    folder,
+                    job.normals_frame,
+                    about,
+                    linear_albedo=job.linear_albedo,
+                    most_faces=job.mesh_faces,
+                )
+        finally:
+            read |= opened
+
+
+@dataclass(frozen=True)
+class Calibrated:
+    """Files of a calibration by name, and what is to be said of it."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+def _read(job: Job, opened: dict[Path, Stamp]) -> tuple[Capture, dict[str, Any], Calibrated]:
+    """The capture under the lights that a sphere shows, or else its own; how it was read; what was calibrated."""
+    if not job.sphere:
+        return load(job.capture, **job.reading), job.reading, Calibrated()
+    folder = job.capture if job.capture.is_dir() else job.capture.parent
+    inside = folder / job.sphere
+    place = job.sphere if job.sphere == AUTO else inside if inside.is_dir() else Path(job.sphere)
+    with tempfile.TemporaryDirectory(prefix="photonormal-") as made:
+        lights = Path(made) / "sphere.lp"
+        try:
+            report = calibrate(folder, [place], lights)
+        except InputError as error:
+            refusal = str(error).removesuffix(f" {lights.with_name('sphere_refused.png')} shows it.")
+            if job.sphere != AUTO:
+                raise InputError(refusal) from None
+            note = f"no sphere tells the lights, so the capture's own were taken: {refusal}"
+            try:
+                return load(job.capture, **job.reading), job.reading, Calibrated(notes=[note])
+            except InputError as error:
+                raise InputError(f"{error} No sphere tells the lights either: {refusal}") from None
+        capture = load(job.capture, **job.reading | {"lights": lights, "frame": "opengl", "lights_as": ""})
+        files = {p.name: p.read_bytes() for p in sorted(Path(made).iterdir()) if p.suffix != ".txt"}
+        for path in [p for p in opened if p.is_relative_to(Path(made).resolve())]:
+            del opened[path]
+    return capture, job.reading | {"lights": job.out / lights.name}, Calibrated(files, report["warnings"])

@@ -1,0 +1,183 @@
+"""What a result depends on: the version, the method with its options, weights and code, and the files that were read.
+
+It stands in a result's report, so that a later run can tell whether the same would come out again.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, NotRequired, TypedDict
+
+import photonormal
+from photonormal.files.opening import Stamp, open_file
+from photonormal.methods import configure, options_of
+from photonormal.stored import Word
+from photonormal.types import InputError
+
+PACKAGE = Path(__file__).parent
+ENGINE = ("photonormal.methods.engine.samples", "photonormal.methods.engine.stream", "photonormal.methods.engine.near")
+BESIDES = {"photonormal", "photonormal.methods", "photonormal.types", "photonormal.options"}  # names and checks
+COMPARED = {  # what a result is made by -> how a change of it is told
+    "photonormal": "version",
+    "method": "method",
+    "options": "options",
+    "precision": "precision",
+    "weights_sha256": "other weights",
+    "source_sha256": "other code of the method",
+}
+
+
+class Input(TypedDict):
+    """A file that was read."""
+
+    bytes: int
+    mtime_ns: int
+    sha256: Word
+
+
+class Inputs(TypedDict):
+    """All that was read of a capture."""
+
+    files: dict[Word, Input]  # by paths, relative where they lie below the capture's folder
+    beside: list[Word]  # files of the capture's folder that were not read
+
+
+class Made(TypedDict):
+    """What a result is made by."""
+
+    photonormal: Word
+    method: Word
+    options: dict[str, Any]
+    weights_sha256: Word | None
+    source_sha256: Word
+    precision: NotRequired[Word]
+
+
+def made_by(method: str, options: Mapping[str, Any]) -> Made:
+    """This version, a method with all its options, and digests of its weights and of its code.
+
+    Raises
+    ------
+    InputError
+        If there is no such method or option, or its weights can't be read.
+    """
+    solver = configure(method, **options)
+    try:
+        weights = getattr(solver, "weights_sha256", None)
+    except OSError as error:
+        raise InputError(f"weights {error.filename} can't be read; train or install them first.") from None
+    return {
+        "photonormal": photonormal.__version__,
+        "method": method,
+        "options": options_of(solver),
+        "weights_sha256": weights,
+        "source_sha256": source_sha256(type(solver).__module__),
+    }
+
+
+def change(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str] | None:
+    """The first of COMPARED in which two results differ, and what to say of it; None where they agree."""
+    for key, what in COMPARED.items():
+        default = "auto" if key == "precision" else None
+        if before.get(key, default) != now.get(key, default):
+            return key, what if key.endswith("sha256") else f"{what} {before.get(key)}, not {now.get(key)}"
+    return None
+
+
+def inputs(capture: Path, read: Mapping[Path, Stamp]) -> Inputs:
+    """What was read of a capture, by the files that were opened and what they were then.
+
+    Raises
+    ------
+    InputError
+        If one of them has changed since.
+    """
+    folder = folder_of(capture)
+    files: dict[str, Input] = {}
+    for path, stamp in sorted(read.items()):
+        digest, now = _digest(path)
+        if now != stamp:
+            raise InputError(f"{path} has changed while it was read; wait until it is whole and measure again.")
+        files[_name(path, folder)] = {"bytes": stamp[0], "mtime_ns": stamp[1], "sha256": digest}
+    return {"files": files, "beside": sorted(_names(folder) - files.keys())}
+
+
+def changed(capture: Path, before: Inputs) -> str:
+    """What is no longer as it was when a capture was read, in words; "" where all is. Only files whose time differs
+    are read again."""
+    folder = folder_of(capture)
+    for name, was in before["files"].items():
+        path = folder / name
+        try:
+            status = path.stat()
+            same = status.st_size == was["bytes"]
+            if same and status.st_mtime_ns != was["mtime_ns"]:
+                same = _digest(path)[0] == was["sha256"]
+        except (OSError, InputError):
+            return f"{name} is gone"
+        if not same:
+            return f"{name} has changed"
+    known = before["files"].keys() | set(before["beside"])
+    if come := sorted(_names(folder) - known):
+        return f"{come[0]} has come"
+    gone = sorted(set(before["beside"]) - _names(folder))
+    return f"{gone[0]} is gone" if gone else ""
+
+
+def folder_of(capture: Path) -> Path:
+    """The folder that a capture lies in: itself, or that of its list."""
+    return (capture if capture.is_dir() else capture.parent).resolve()
+
+
+def _names(folder: Path) -> set[str]:
+    try:
+        return {p.name for p in folder.iterdir() if not p.name.startswith(".") and p.is_file()}
+    except OSError:
+        return set()
+
+
+def _name(path: Path, folder: Path) -> str:
+    path = path.resolve()
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def _digest(path: Path) -> tuple[str, Stamp]:
+    """SHA-256 of a file, and what it is."""
+    with open_file(path) as file:
+        digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
+        return digest, Stamp.of(file)
+
+
+def source_sha256(module: str) -> str:
+    """SHA-256 of a method's module, of the engine, and of all modules of photonormal that they import."""
+    found: dict[str, bytes] = {}
+    waiting = [module, *ENGINE]
+    while waiting:
+        name = waiting.pop()
+        file = _file(name)
+        if file is None or name in found or name in BESIDES:
+            continue
+        found[name] = file.read_bytes()
+        waiting += _imports(found[name])
+    digest = hashlib.sha256()
+    for name in sorted(found):
+        digest.update(name.encode() + b"\0" + found[name].replace(b"\r\n", b"\n") + b"\0")
+    return digest.hexdigest()
+
+
+def _imports(source: bytes) -> Iterable[str]:
+    names = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and node.module:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+    return [name for name in names if name.split(".")[0] == "photonormal"]
+
+
+def _file(module: str) -> Path | None:
+    place = PACKAGE.joinpath(*module.split(".")[1:])
+    return next((p for p in (place.with_suffix(".py"), place / "__init__.py") if p.is_file()), None)

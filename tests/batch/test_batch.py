@@ -1,0 +1,135 @@
+"""`photonormal batch`: each capture alone, nothing twice, and what is stale again."""
+
+import csv
+import json
+import os
+import shutil
+
+import numpy as np
+
+import photonormal as pn
+from photonormal.batch import state
+from tests.batch.conftest import cut, normals
+
+
+def rows(results):
+    with (results / "summary.csv").open(encoding="utf-8-sig", newline="") as file:
+        return {row["capture"]: row for row in csv.DictReader(file)}
+
+
+def times(results):
+    return {p.parent.name: p.stat().st_mtime_ns for p in results.glob("*/normals.npz")}
+
+
+def test_one_broken_capture_fails_alone_and_nothing_is_done_twice(season, tmp_path, batch):
+    results = tmp_path / "results"
+    cut(season / "vase-1" / "003.png")
+    code, out, err = batch()
+    assert (code, err.count("\n")) == (1, 1) and "vase-1: " in err and "003.png is truncated" in err
+    assert "2 measured, 0 were done, 1 failed" in out
+    expected = pn.solve(pn.load(season / "vase-2"), "woodham")
+    assert np.array_equal(normals(results, "vase-2"), expected.map)
+    found = rows(results)
+    assert list(found) == ["vase-1", "vase-0", "vase-2"] and "truncated" in found["vase-1"]["failure"]
+    assert found["vase-2"]["pixels"] == str(expected.mask.sum()) and found["vase-2"]["lights"] == "6"
+
+    before = times(results)
+    code, out, err = batch()
+    assert code == 1 and "0 measured, 2 were done, 1 failed" in out and "003.png" in err
+    assert times(results) == before
+    shutil.copy(season / "vase-1" / "004.png", season / "vase-1" / "003.png")
+    picture = season / "vase-1" / "003.png"
+    write_again(picture)
+    code, out, err = batch()  # its files are others now, so it is tried again by itself
+    assert (code, err) == (0, "") and "1 measured, 2 were done" in out
+    assert {row["state"] for row in rows(results).values()} == {"done"}
+    assert "failed" not in json.loads((results / "vase-1" / "report.json").read_text())
+
+
+def write_again(picture):
+    """A picture like the one it is a copy of, and not equal to it."""
+    import cv2
+
+    samples = cv2.imdecode(np.fromfile(picture, np.uint8), -1)
+    cv2.imencode(".png", samples // 2)[1].tofile(picture)
+
+
+def test_what_is_stale_is_named_and_made_again(season, tmp_path, here, batch, monkeypatch):
+    results = tmp_path / "results"
+    assert batch()[0] == 0
+    before = times(results)
+    os.utime(season / "vase-0" / "001.png")  # another time, the same content
+    write_again(season / "vase-1" / "002.png")
+    (season / "vase-2" / "notes.txt").write_text("beside the photographs")
+    code, out, err = batch()
+    assert code == 0 and "2 measured, 1 were done" in out
+    assert "vase-1 is measured again: 002.png has changed" in err
+    assert "vase-2 is measured again: notes.txt has come" in err
+    after = times(results)
+    assert [before[name] == after[name] for name in sorted(before)] == [True, False, False]
+    (results / "vase-0" / "normals.npz").unlink()
+    assert "vase-0 is measured again: files of it are gone" in batch()[2]
+    monkeypatch.setattr(pn, "__version__", "9.9")
+    monkeypatch.setattr(state.Job, "made", lambda job: {**made(job), "photonormal": "9.9"})
+    assert "vase-1 is measured again: version 0.1.0, not 9.9" in batch()[2]
+
+
+made = state.Job.made
+
+
+def test_results_of_other_options_are_refused(season, tmp_path, here, batch):
+    results = tmp_path / "results"
+    batch()
+    before = times(results)
+    code, out, err = batch("--normals-frame", "directx")
+    assert code == 2 and out == "" and err.count("\n") == 1
+    assert "normals-frame opengl, not directx" in err and "--overwrite" in err and times(results) == before
+    assert "3 measured" in batch("--normals-frame", "directx", "--overwrite")[1]
+    assert "0 measured, 3 were done" in batch("--normals-frame", "directx", "--memory", "3GB", "--device", "cpu")[1]
+
+
+def test_measure_and_batch_make_the_same(season, tmp_path, here, batch, capsys):
+    from photonormal.cli import main
+    from tests.batch.conftest import WORDS
+
+    batch()
+    results = tmp_path / "results"
+    shutil.rmtree(results / "vase-1")
+    assert main(["measure", str(season / "vase-1"), "--out", str(results / "vase-1"), *WORDS]) == 0
+    capsys.readouterr()
+    assert "0 measured, 3 were done" in batch()[1]
+
+
+def test_a_result_stays_when_its_photographs_break(season, tmp_path, here, batch):
+    results = tmp_path / "results"
+    batch()
+    cut(season / "vase-0" / "001.png")
+    code, _, err = batch()
+    assert code == 1 and "vase-0 is measured again: 001.png has changed" in err
+    assert (results / "vase-0" / "normals.npz").is_file()
+    assert rows(results)["vase-0"]["state"] == "failed"
+
+
+def test_other_things_in_the_folder_are_left_alone(season, tmp_path, here, batch):
+    (tmp_path / "results").mkdir()
+    (tmp_path / "results" / "summary.csv").write_text("mine")
+    code, _, err = batch()
+    assert code == 2 and "summary.csv was not written by photonormal" in err
+    (tmp_path / "results" / "summary.csv").rename(tmp_path / "results" / "letter.txt")
+    code, _, err = batch()
+    assert code == 2 and "holds no photonormal result" in err
+    assert [p.name for p in (tmp_path / "results").iterdir()] == ["letter.txt"]
+    assert batch("--overwrite")[0] == 0 and (tmp_path / "results" / "letter.txt").is_file()
+
+
+def test_events_are_lines_of_json(season, tmp_path, here, batch):
+    cut(season / "vase-1" / "003.png")
+    assert batch()[0] == 1 and batch("--json-lines")[1].count('"begun"') == 0
+    shutil.rmtree(tmp_path / "results" / "vase-0")
+    shutil.rmtree(tmp_path / "results" / "vase-2")
+    _, out, err = batch("--json-lines", "--retry", "failed")
+    events = [json.loads(line) for line in out.splitlines()]
+    assert err == "" and events[0] == {"event": "found", "captures": 3, "waiting": 3}
+    assert [e["event"] for e in events[1:-1]] == ["begun", "done", "begun", "failed", "begun", "done"]
+    assert events[4]["capture"] == "vase-1" and events[4]["kind"] == "input" and "truncated" in events[4]["message"]
+    assert events[-1]["measured"] == 2 and events[-1]["failed"] == 1

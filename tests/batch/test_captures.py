@@ -1,0 +1,82 @@
+"""Which captures are found, and what they are called."""
+
+from pathlib import Path
+
+import pytest
+
+from photonormal.batch.captures import jobs
+from photonormal.cli.batching import kinds
+from photonormal.job import Job
+from photonormal.types import InputError
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    for name in ("1/front", "1/back", "2/front", "10/front", "sphere", "results/1"):
+        (tmp_path / "season" / name).mkdir(parents=True)
+    (tmp_path / "season" / "notes.txt").write_text("")
+    (tmp_path / "season" / "dome.lp").write_text("")
+    monkeypatch.chdir(tmp_path)
+
+
+def found(*captures, **like):
+    return jobs(captures, Path("season/results"), Job(Path(), Path(), **like), kinds())
+
+
+def names(*captures, **like):
+    return [named.name for named in found(*captures, **like)]
+
+
+def test_names_are_paths_below_the_fixed_part(place):
+    assert names("season/*", sphere="season/sphere") == ["1", "2", "10", "dome"]
+    assert names("season/*/front") == ["1/front", "2/front", "10/front"]
+    assert names("season/1/front", "season/2/front") == ["1/front", "2/front"]  # as a shell gives them
+    assert names("season/1", "season/1", "season/dome.lp") == ["1", "dome"]
+    assert found("season/1/*")[0].job.out == Path("season/results/back")
+
+
+def test_a_list_has_options_of_its_own(place, tmp_path):
+    text = "capture;name;mask;ring;elevation;srgb;method;mesh\n1/front;a;m.png;8;40,5;true;l1;false\n2/front;b;;;;;;\n"
+    (tmp_path / "season" / "list.csv").write_text(text.replace("40,5", "40.5"))
+    one, two = found("season/list.csv", reading={"srgb": False, "mask": None})
+    assert one.job.capture == Path("season/1/front") and one.job.method == "l1" and one.job.integration is None
+    reading = {"srgb": True, "mask": Path("season/m.png"), "ring": 8, "elevation": 40.5}
+    assert one.job.reading == reading
+    assert two.job.reading == {"srgb": False, "mask": None} and two.job.integration == "quadratic"
+    (tmp_path / "season" / "list.toml").write_text(
+        '[[capture]]\ncapture = "1/front"\nname = "a"\nmask = "m.png"\nring = 8\nelevation = 40.5\nsrgb = true\n'
+    )
+    assert found("season/list.toml")[0].job.reading == reading
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("capture,ring\n1,many\n", "capture 1: ring many came but a whole number"),
+        ("capture,rings\n1,8\n", "has the option 'rings', which there is not"),
+        ("capture,name\n1,../x\n", "is called '../x'"),
+        ("name\n1\n", "no column `capture`"),
+        ("capture\n", "no column `capture`"),
+        ("capture,name\n1,\n,b\n", "capture 2 has no `capture`"),
+        ("capture,name\n1,a\n2,a\n", "would both be called a"),
+        ("capture,name\n1,a\n2,a/b\n", "a/b lies in a"),
+    ],
+)
+def test_a_list_that_cannot_be_used_is_refused(place, tmp_path, text, says):
+    (tmp_path / "list.csv").write_text(text)
+    with pytest.raises(InputError, match=says.replace("[", r"\[")):
+        found("list.csv")
+
+
+def test_toml_that_cannot_be_used_is_refused(place, tmp_path):
+    for text, says in (("a =", "is no TOML"), ("capture = 1", r"no \[\[capture\]\]")):
+        (tmp_path / "list.toml").write_text(text)
+        with pytest.raises(InputError, match=says):
+            found("list.toml")
+
+
+def test_what_matches_nothing_says_what_lies_there(place):
+    with pytest.raises(InputError, match=r"no capture matches season/v\*: .* but season holds 1/, 10/, 2/, dome.lp"):
+        found("season/v*")
+    with pytest.raises(InputError, match="summer does not exist"):
+        found("summer/*")

@@ -1,0 +1,46 @@
+"""What a result depends on: the code that a method runs through, and the files that were read."""
+
+import shutil
+
+from photonormal import provenance
+from photonormal.files.opening import noted, read_bytes
+from photonormal.provenance import changed, inputs
+
+
+def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
+    package = tmp_path / "photonormal"
+    shutil.copytree(provenance.PACKAGE, package, ignore=shutil.ignore_patterns("weights", "data", "__pycache__"))
+    monkeypatch.setattr(provenance, "PACKAGE", package)
+    woodham, l1 = "photonormal.methods.classical.woodham", "photonormal.methods.classical.l1"
+    before = [provenance.source_sha256(m) for m in (woodham, l1)]
+    (package / "bench" / "page" / "html.py").write_text("")
+    (package / "methods" / "classical" / "ward.py").write_text("")
+    assert [provenance.source_sha256(m) for m in (woodham, l1)] == before
+    with (package / "methods" / "classical" / "l1.py").open("a") as file:
+        file.write("# edited\n")
+    assert provenance.source_sha256(woodham) == before[0] and provenance.source_sha256(l1) != before[1]
+    with (package / "shading.py").open("a") as file:  # both compute with it
+        file.write("# edited\n")
+    assert provenance.source_sha256(woodham) != before[0]
+
+
+def test_what_was_read_is_told_from_what_has_changed(tmp_path):
+    for name in ("a.txt", "b.txt", "beside.txt"):
+        (tmp_path / name).write_text(name)
+    with noted() as opened:
+        read_bytes(tmp_path / "a.txt", "a text")
+        read_bytes(tmp_path / "b.txt", "a text")
+    before = inputs(tmp_path, opened)
+    assert set(before["files"]) == {"a.txt", "b.txt"} and before["beside"] == ["beside.txt"]
+    (tmp_path / "a.txt").write_text("a.txt")  # another time, the same content
+    (tmp_path / ".hidden").write_text("of a file browser")
+    (tmp_path / "result").mkdir()
+    assert changed(tmp_path, before) == ""
+    (tmp_path / "beside.txt").write_text("not read, so it may change")
+    assert changed(tmp_path, before) == ""
+    (tmp_path / "mask.png").write_text("")
+    assert changed(tmp_path, before) == "mask.png has come"
+    (tmp_path / "a.txt").write_text("A.txt")
+    assert changed(tmp_path, before) == "a.txt has changed"
+    (tmp_path / "a.txt").unlink()
+    assert changed(tmp_path, before) == "a.txt is gone"

@@ -61,7 +61,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "batch": BASE | {"capture", "job", "export", "provenance", "progress", "resources", "view"},
     "view": BASE | {"capture", "calibration", "scoring", "export", "progress", "rig"},
     "relighting": BASE | {"methods", "progress"},  # the memory's plan
-    "handover": BASE | {"capture", "export", "methods", "relighting", "view"},
+    "handover": BASE | {"capture", "export", "methods", "relighting", "view", "progress", "integration"},
     "bench": BASE
     | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"}
     | {"provenance", "resources", "batch"},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
@@ -49,6 +49,12 @@ class Export:
     and relight-hsh, RelightLab's folders for the web; openlime and openlime-hsh, those with a page of OpenLIME."""
     out: FileOrFolder = None
     """File or folder to write in the format of --to."""
+    relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
+    """Write a picture (.png) under a light from there in degrees: 0,30 is from the right, 90,30 from above."""
+    sweep: bool = False
+    """Write a film (.mp4, .gif) of a light that goes around once, at 0,45 or where --relit says."""
+    by: Literal["hsh", "ptm", "hsh16", "matt"] = "hsh"
+    """What --relit and --sweep show: a fit to the photographs; or normals and albedo, matt, without cast shadows."""
     webp: bool = False
     """Of openlime: tiles of lossless WebP in place of JPEG."""
     capture: Folder = None
@@ -61,14 +67,14 @@ class Export:
     """Replace a file that exists, or write into a folder that holds others."""
 
     def __call__(self) -> int:
-        if (self.page is None) == (self.out is None) or bool(self.to) != (self.out is not None):
-            raise InputError("give --page FILE.html, or --to FORMAT with --out FILE or FOLDER; one of them is needed.")
+        relit = bool(self.relit) or self.sweep
+        if (self.page is not None) + bool(self.to) + relit != 1 or (self.page is None) == (self.out is None):
+            raise InputError(
+                "give --page FILE.html, or --to FORMAT, --relit AZIMUTH,ELEVATION or --sweep with --out FILE; one of "
+                "them is needed."
+            )
         if self.out is not None:
-            from photonormal.files.memory import allow
-            from photonormal.handover.relightable import export_relighting
-
-            allow(self.memory)
-            print(export_relighting(self.result, self.to, self.out, self.capture, self.overwrite, self.webp))
+            print(self._handed_on(self.out))
             return 0
         from photonormal.view import export_page
 
@@ -78,3 +84,15 @@ class Export:
         if reduced > 1:
             print(f"The result is larger than 6 megapixels: the file holds it at 1/{reduced} of its size.")
         return 0
+
+    def _handed_on(self, out: Path) -> Path:
+        from photonormal.files.memory import allow
+
+        allow(self.memory)
+        if self.to:
+            from photonormal.handover.relightable import export_relighting
+
+            return export_relighting(self.result, self.to, out, self.capture, self.overwrite, self.webp)
+        from photonormal.handover.relit import export_relit
+
+        return export_relit(self.result, out, self.relit, self.sweep, self.by, self.capture, self.overwrite)

@@ -6,8 +6,12 @@ from __future__ import annotations
 import os
 import re
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
+
+import numpy as np
 
 from photonormal.types import InputError
 
@@ -60,6 +64,13 @@ def scratch_folder() -> Path:
     if "TMPDIR" not in os.environ and on_disk.is_dir() and os.access(on_disk, os.W_OK):
         return on_disk
     return Path(tempfile.gettempdir())
+
+
+@contextmanager
+def scratch(shape: tuple[int, ...], dtype: type) -> Iterator[np.ndarray]:
+    """An array of zeros on disk; nothing is left of it afterwards."""
+    with tempfile.TemporaryFile(prefix="photonormal-", dir=scratch_folder()) as file:
+        yield np.memmap(file, dtype, "w+", shape=shape)
 
 
 @cache

@@ -26,13 +26,14 @@ def refuse(kind: str, out: Path, overwrite: bool, reads: Iterable[Path] = ()) ->
     refuse_taken([out], overwrite, reads)
 
 
-def photographs_needed(result: Path, given: Path | None, what: str) -> tuple[Capture, list[Path]]:
+def photographs_needed(result: Path, given: Path | None, what: str, otherwise: str = "") -> tuple[Capture, list[Path]]:
     """The photographs of a result as distant lights would have shown them, and the files that they come from.
 
     Parameters
     ----------
     given : where they are, if not where the report says
     what : begins the sentence of what is fitted to them
+    otherwise : what else can be done without them
 
     Raises
     ------
@@ -43,6 +44,7 @@ def photographs_needed(result: Path, given: Path | None, what: str) -> tuple[Cap
     normals = load_normals(result)
     found, missing = photographs_of(report, given, normals.mask.shape)
     if found is None:
+        said = f"{(missing or '').removesuffix('.')}, {otherwise}." if otherwise else missing
         where = f" They were in {report['source']}." if "source" in report else ""
-        raise InputError(f"{what} fitted to the photographs of {result}, which are not there.{where} {missing}")
+        raise InputError(f"{what} fitted to the photographs of {result}, which are not there.{where} {said}")
     return seen_as_distant(found, normals), files_read(given or report.get("source", ""), found)

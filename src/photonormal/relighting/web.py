@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Iterator
 
 import numpy as np
 
 from photonormal.disk import Batch
-from photonormal.files.memory import scratch_folder
+from photonormal.files.memory import scratch
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, deepzoom
 from photonormal.relighting.codes import Codes
@@ -54,7 +53,7 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
     white = fit.white()
     with (
         progress("fit to the light", 2 * int(capture.mask.sum())) as advance,
-        tempfile.TemporaryFile(prefix="photonormal-", dir=scratch_folder()) as file,
+        scratch((k, h, w, 3), np.uint8) as planes,
     ):
 
         def bands() -> Iterator[tuple[Band, np.ndarray]]:
@@ -63,7 +62,6 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
                 advance(len(band.rgb))
 
         codes = Codes.of(C for _, C in bands())
-        planes = np.memmap(file, np.uint8, "w+", shape=(k, h, w, 3))
         for plane, zero in zip(planes, codes.zero.reshape(k, 3), strict=True):
             plane[:] = zero
         for band, C in bands():

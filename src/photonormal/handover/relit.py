@@ -1,0 +1,114 @@
+"""A result under other lights: one picture, or a film of a light that goes around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from photonormal.disk import at_once, refuse_taken
+from photonormal.export import load_normals
+from photonormal.export.pictures import read_albedo
+from photonormal.handover.opened import photographs_needed
+from photonormal.png import SRGB, encode_png
+from photonormal.progress import progress
+from photonormal.relighting import FORMATS, films
+from photonormal.relighting.pictures import Relit, direction, fitted, matt
+from photonormal.types import InputError, box_of
+from photonormal.view.result import report_of
+
+ELEVATION = 45.0  # degrees, of a sweep unless said
+STEPS = 72  # of a light that goes around
+SIDE = 960  # pixels of a film's longer side, at most
+MATT = "matt"  # by normals and albedo alone
+FITS = ("hsh", "ptm", "hsh16")
+
+
+def export_relit(
+    result: Path,
+    out: Path,
+    angles: str = "",
+    sweep: bool = False,
+    by: str = "hsh",
+    capture: Path | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write a result as it looks under one light (.png), or under a light that goes around it once (.mp4, .gif).
+
+    Parameters
+    ----------
+    result : a folder that `measure` wrote
+    out : the file to write
+    angles : "azimuth,elevation" of the light in degrees: 0,30 is from the right, 90,30 from above; where a sweep begins
+    sweep : write a film
+    by : "hsh", "ptm" or "hsh16", the fit to the photographs; "matt": normals and albedo, without gloss and cast shadows
+    capture : the photographs, where they are not where the report says
+    overwrite : replace a file that exists
+
+    Raises
+    ------
+    InputError
+        If the angles or the file's ending are none, or what the picture is made from is not there.
+    """
+    azimuth, elevation = _angles(angles)
+    endings = films.FORMATS if sweep else (".png",)
+    if out.suffix.lower() not in endings:
+        raise InputError(
+            f"--out {out} ends in {out.suffix!r} but {' or '.join(endings)} is written; choose such a name."
+        )
+    if by not in (*FITS, MATT):
+        raise InputError(f"--by {by[:40]!r} came but {', '.join(FITS)} or {MATT} is needed; choose one.")
+    refuse_taken([out], overwrite)
+    with (
+        _matt(result) if by == MATT else _fitted(result, capture, by, out, overwrite) as relit,
+        at_once(out.parent) as to,
+    ):
+        if not sweep:
+            to.write(out.name, encode_png(relit(direction(azimuth, elevation)), SRGB))
+            return out
+        small = relit.reduced(SIDE, multiple=2)
+        with progress("film", STEPS) as advance:
+
+            def frames() -> Iterator:
+                for step in range(STEPS):
+                    yield small(direction(azimuth + 360 * step / STEPS, elevation))
+                    advance()
+
+            films.write(frames(), to / out.name)
+    return out
+
+
+def _angles(text: str) -> tuple[float, float]:
+    try:
+        azimuth, elevation = (float(part) for part in (text or f"0,{ELEVATION}").split(","))
+    except ValueError:
+        azimuth, elevation = 0.0, float("nan")
+    if not (abs(azimuth) <= 360 and 0 < elevation <= 90):
+        raise InputError(
+            f"--relit {text[:40]!r} came but azimuth,elevation in degrees is needed, the elevation above 0 and up to "
+            "90, such as 45,30; correct it."
+        )
+    return azimuth, elevation
+
+
+@contextmanager
+def _fitted(result: Path, capture: Path | None, by: str, out: Path, overwrite: bool) -> Iterator[Relit]:
+    photographs, read = photographs_needed(result, capture, f"--by {by} is", otherwise="or choose --by matt")
+    refuse_taken([out], overwrite, read)
+    with fitted(photographs, FORMATS[by].basis) as relit:
+        yield relit
+
+
+@contextmanager
+def _matt(result: Path) -> Iterator[Relit]:
+    report_of(result)
+    normals, file = load_normals(result), result / "albedo.png"
+    if not file.is_file():
+        raise InputError(f"{result} holds no albedo.png, which --by matt needs; measure again.")
+    albedo = read_albedo(file)
+    if albedo.shape != normals.map.shape:
+        raise InputError(
+            f"{file} is {albedo.shape[:2]} but normals.npz beside it is {normals.mask.shape}; measure again."
+        )
+    box = box_of(normals.mask)
+    yield matt(normals.map[box], albedo[box])

@@ -1,0 +1,81 @@
+"""A result under other lights, as pictures and films."""
+
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+
+from photonormal.cli import main
+from photonormal.export import load_normals
+from photonormal.handover.relit import STEPS
+from photonormal.relighting import FORMATS
+from photonormal.relighting.pictures import direction, fitted
+from photonormal.srgb import from_linear, to_linear
+from photonormal.types import box_of
+from tests.relighting.test_files import dome, glossy
+
+
+def picture(path):
+    return cv2.imread(str(path))[..., ::-1] / 255
+
+
+def test_azimuth_goes_from_right_to_up_and_elevation_to_the_camera():
+    assert np.allclose([direction(0, 0), direction(90, 0), direction(33, 90)], np.eye(3), atol=1e-12)
+
+
+def test_a_light_that_was_left_out_is_shown_as_the_photograph_is(measured, tmp_path):
+    azimuth, elevation = 40, 55
+    out = tmp_path / "a.png"
+    assert main(["export", str(measured / "r"), "--relit", f"{azimuth},{elevation}", "--out", str(out)]) == 0
+    capture = glossy(np.stack([direction(azimuth, elevation), *np.eye(3)[1:]]))
+    box = box_of(capture.mask)
+    shown, truth, mask = picture(out), capture.images[0][box], capture.mask[box]
+    assert shown.shape == truth.shape and not shown[~mask].any()
+    gain = (to_linear(shown[mask]) * truth[mask]).sum() / (truth[mask] ** 2).sum()  # white is not 1
+    assert np.sqrt(((shown[mask] - from_linear((gain * truth[mask]).clip(0, 1))) ** 2).mean()) < 0.06
+
+
+def test_matt_is_albedo_times_the_cosine(measured, tmp_path):
+    out = tmp_path / "a.png"
+    assert main(["export", str(measured / "r"), "--relit", "0,90", "--by", "matt", "--out", str(out)]) == 0
+    normals = load_normals(measured / "r" / "normals.npz")
+    box = box_of(normals.mask)
+    albedo = to_linear(cv2.imread(str(measured / "r" / "albedo.png"), -1)[..., ::-1] / 65535)[box]
+    wanted = from_linear(albedo * normals.map[box][..., 2:].clip(0, 1))
+    assert np.abs(picture(out) - wanted).max() < 1 / 255
+
+
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_a_light_goes_around_in_a_film(ending, measured, tmp_path):
+    out = tmp_path / f"a.{ending}"
+    assert main(["export", str(measured / "r"), "--sweep", "--out", str(out)]) == 0
+    if ending == "gif":
+        frames = cv2.imreadanimation(str(out))[1].frames
+    else:
+        film, frames = cv2.VideoCapture(str(out)), []
+        while (read := film.read())[0]:
+            frames.append(read[1])
+    assert len(frames) == STEPS
+    with fitted(glossy(dome(40)), FORMATS["hsh"].basis) as relit:
+        small = relit.reduced(960, multiple=2)
+        for step in (0, 30):
+            wanted = small(direction(360 * step / STEPS, 45)).astype(float)
+            off = cv2.blur(frames[step][..., 2::-1] - wanted, (5, 5))  # GIF has 256 colours, and strews them
+            assert np.abs(off).mean() < 4
+
+
+def test_what_can_not_be_shown_is_refused(measured, tmp_path, refused):
+    out = tmp_path / "a.png"
+    for angles in ("45", "a,b", "10,0", "10,95", "nan,10", "10,inf"):
+        refused("--relit", angles, "--out", out, says="azimuth,elevation")
+    refused("--relit", "10,20", "--out", tmp_path / "a.gif", says=".png")
+    refused("--sweep", "--out", out, says=".mp4 or .gif")
+    refused("--sweep", says="--out")
+    refused("--sweep", "--to", "ptm", "--out", out, says="one of them")
+    shutil.copytree(measured / "r", tmp_path / "r")
+    report = tmp_path / "r" / "report.json"
+    report.write_text(report.read_text().replace(str(measured / "ball"), str(measured / "gone")))
+    refused("--relit", "10,20", "--out", out, result=tmp_path / "r", says=f"{measured / 'gone'}")
+    (tmp_path / "r" / "albedo.png").unlink()
+    refused("--relit", "10,20", "--by", "matt", "--out", out, result=tmp_path / "r", says="albedo.png")

@@ -8,13 +8,13 @@ help:
 	@echo "make demo   install, then measure the capture that comes with the package"
 	@echo "make test   install, then run the tests"
 	@echo "make fuzz   install, then damage 10,000 captures and 2,000 stored files at random and read them"
-	@echo "make crash  kill commands 1,500 times and look at what is left; takes twenty minutes of processor time or more"
+	@echo "make crash  kill commands 1,500 times and a batch 40 times, and look at what is left; takes twenty minutes of processor time or more"
 	@echo "make check  what a change must pass: format, lint, types, tests"
 
 $(READY): pyproject.toml constraints.txt
 	@test -x $(VENV)/bin/python -a -e $(VENV)/bin/pip || $(PYTHON) -m venv $(VENV) || \
 		{ echo "python3 can't make an environment; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,train,bench,raw,view]'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,train,bench,raw,view,parquet]'
 	@touch $@
 
 demo: $(READY)
@@ -31,6 +31,7 @@ fuzz: $(READY)
 
 crash: $(READY)
 	$(VENV)/bin/python -m tests.crash.crash --kills 100
+	$(VENV)/bin/python -m tests.crash.batch --kills 40
 
 check: $(READY)
 	VENV=$(VENV) scripts/check

@@ -18,7 +18,7 @@ from photonormal.types import Capture
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 FILES = {"normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "report.json", "error.png"}
-FILES |= {"expected-error.png"}
+FILES |= {"expected-error.png", "thumbnail.png"}
 
 
 @pytest.fixture

@@ -14,3 +14,9 @@ def test_a_few_kills_lose_nothing():
     command = [sys.executable, "-m", "tests.crash.crash", "--kills", "2", "--jobs", "measure"]
     ended = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
     assert ended.returncode == 0 and "| measure | 6 |" in ended.stdout, ended.stdout + ended.stderr
+
+
+def test_a_batch_that_is_killed_is_made_whole():
+    command = [sys.executable, "-m", "tests.crash.batch", "--kills", "2"]
+    ended = subprocess.run(command, capture_output=True, text=True, cwd=ROOT)
+    assert ended.returncode == 0 and "2 kills, 0 faults" in ended.stdout, ended.stdout + ended.stderr

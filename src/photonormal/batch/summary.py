@@ -5,10 +5,12 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
+from photonormal.batch.page import page
+from photonormal.batch.row import Row
 from photonormal.batch.state import Failure
 from photonormal.export.folder import MARKER, REPORT, report, whole_folder
 from photonormal.stored import read_json
@@ -56,27 +58,6 @@ class Reported(TypedDict):
     peak_memory_mb: NotRequired[float | None]
 
 
-@dataclass(frozen=True)
-class Row:
-    """One capture."""
-
-    capture: str  # its name, and the folder of its result
-    state: str  # "done", "failed" or "not begun"
-    failure: str = ""
-    pixels: int | None = None  # with a normal
-    lights: int | None = None
-    expected_error_deg: float | None = None
-    error_deg: float | None = None  # against the truth, where it is known
-    grave: int | None = None  # findings that spoil normals
-    findings: int | None = None
-    warnings: str = ""
-    seconds: float | None = None
-    memory_mb: float | None = None
-    method: str = ""
-    version: str = ""
-    source: str = ""
-
-
 class Summary:
     """The rows of a batch, and its files: a row for each capture, and for each other result below `out`."""
 
@@ -99,6 +80,9 @@ class Summary:
         table = self.rows()
         with whole_folder(self.out, self.overwrite, wait_seconds=PATIENCE_S) as batch:
             batch.write("summary.csv", as_csv(table))
+            if (data := as_parquet(table)) is not None:
+                batch.write("summary.parquet", data)
+            batch.write("index.html", page(table, self.out.resolve().name))
             states = [row.state for row in table]
             report(batch, {"captures": {state: states.count(state) for state in dict.fromkeys(states)}})
 
@@ -131,6 +115,26 @@ def row(name: str, folder: Path) -> Row:
         told.get("photonormal", ""),
         told.get("source", ""),
     )
+
+
+def as_parquet(table: Sequence[Row]) -> bytes | None:
+    """The same, each column with its kind; None where pyarrow is not installed."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        return None
+    kinds = {"str": pyarrow.string(), "int | None": pyarrow.int64(), "float | None": pyarrow.float64()}
+    schema = pyarrow.schema([(f.name, kinds[str(f.type)]) for f in fields(Row)])
+    to = pyarrow.BufferOutputStream()
+    rows = [{k: _text(v) for k, v in asdict(row).items()} for row in table]
+    parquet.write_table(pyarrow.Table.from_pylist(rows, schema), to)
+    return to.getvalue().to_pybytes()
+
+
+def _text(value: Any) -> Any:
+    """Names that are no UTF-8, escaped."""
+    return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
 
 
 def as_csv(table: Sequence[Row]) -> bytes:

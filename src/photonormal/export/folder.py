@@ -17,7 +17,7 @@ MARKER = {"written_by": "photonormal"}  # in the report of a result
 LONGEST = 2**26  # bytes of a report
 NAMES = (  # of the files of a result, of `measure`, `check` and `batch`
     *("normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "error.png"),
-    *("expected-error.png", "lights.png", "corrected.lp", "corrected.png"),
+    *("expected-error.png", "thumbnail.png", "lights.png", "corrected.lp", "corrected.png"),
     *("lights.lp", "light_intensities.txt", REPORT),
     *("sphere.lp", "sphere.json", "sphere_spheres.png"),  # of a calibration
     *("summary.csv", "summary.parquet", "index.html"),  # of a batch

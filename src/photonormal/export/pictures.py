@@ -10,11 +10,12 @@ from photonormal.export.labels import labelled
 from photonormal.export.mesh import display
 from photonormal.files.decode import decode, full_scale
 from photonormal.files.remarks import is_srgb
-from photonormal.scoring import SCALE_DEG
+from photonormal.scoring import SCALE_DEG, colours
 from photonormal.srgb import to_linear
 from photonormal.types import InputError, Normals
 
 PREVIEW_HEIGHT = 480  # pixels; larger frames are reduced to it
+THUMBNAIL_HEIGHT = 96  # the same of a thumbnail
 MARGIN = 4  # pixels around the object in a preview
 
 
@@ -50,11 +51,25 @@ def preview(
     return np.concatenate([part for panel in shown for part in (panel, gap)][:-1], axis=1)
 
 
-def _reduced(picture: np.ndarray) -> np.ndarray:
-    """The picture at a height of PREVIEW_HEIGHT at most."""
+def thumbnail(normals: Normals, box: tuple[slice, slice]) -> np.ndarray:
+    """One 8-bit RGB picture of a height of THUMBNAIL_HEIGHT at most: normals, relit from the upper left and, where they
+    are known, expected errors in colours; of the `box` of the frame."""
+    map, errors = _reduced(normals.map[box], THUMBNAIL_HEIGHT), normals.expected_error_deg
+    mask = _reduced(normals.mask[box].astype(np.float32), THUMBNAIL_HEIGHT) > 0.5
+    map = np.where(mask[..., None], map / np.linalg.norm(map, axis=-1, keepdims=True).clip(1e-6), 0)
+    shown = [_on_white(np.rint(127.5 * (map + 1)).astype(np.uint8), mask), relit(map, mask)]
+    if errors is not None:
+        nearest = np.ix_(*(np.arange(n) * m // n for n, m in zip(mask.shape, errors[box].shape, strict=True)))
+        shown.append(_on_white(colours(errors[box][nearest]), mask))
+    gap = np.full((len(mask), 4, 3), 255, np.uint8)
+    return np.concatenate([part for picture in shown for part in (picture, gap)][:-1], axis=1)
+
+
+def _reduced(picture: np.ndarray, height: int = PREVIEW_HEIGHT) -> np.ndarray:
+    """The picture at a height of so many pixels at most."""
     import cv2
 
-    scale = PREVIEW_HEIGHT / len(picture)
+    scale = height / len(picture)
     picture = np.ascontiguousarray(picture)
     return picture if scale >= 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 

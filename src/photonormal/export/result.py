@@ -15,7 +15,7 @@ from photonormal.export.folder import report
 from photonormal.export.labels import with_scale
 from photonormal.export.lights import lp, table
 from photonormal.export.mesh import FACES, display, step_for
-from photonormal.export.pictures import MARGIN, preview
+from photonormal.export.pictures import MARGIN, preview, thumbnail
 from photonormal.masked import taken
 from photonormal.png import SRGB, encode_png
 from photonormal.scoring import colours, error_picture
@@ -85,12 +85,13 @@ def brightest(result: Result) -> float:
 
 
 def pictures(result: Result, folder: Batch, white: float, linear_albedo: bool = False) -> None:
-    """albedo.png, sRGB-encoded unless it is to be linear, preview.png, maps of true and expected errors where known."""
+    """albedo.png, sRGB-encoded unless it is to be linear, preview.png, thumbnail.png, maps of errors."""
     capture, normals, albedo = result.capture, result.normals, result.albedo
     error = error_picture(normals, capture.truth) if capture.truth is not None else None
+    box = box_of(normals.mask, MARGIN)
+    folder.write("thumbnail.png", encode_png(thumbnail(normals, box)))
     if albedo is not None:
         folder.write("albedo.png", albedo_png(albedo, white, linear_albedo))
-        box = box_of(normals.mask, MARGIN)
         shown = preview(photograph(result, box), normals, albedo, white, error, box)
         folder.write("preview.png", encode_png(shown))
     if error is not None:

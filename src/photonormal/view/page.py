@@ -19,7 +19,13 @@ def read(name: str) -> str:
 
 
 def document(
-    title: str, body: str, styles: Sequence[str], scripts: Sequence[str], data: Any, served: bool = False
+    title: str,
+    body: str,
+    styles: Sequence[str],
+    scripts: Sequence[str],
+    data: Any,
+    served: bool = False,
+    beside: bool = False,
 ) -> str:
     """An HTML page.
 
@@ -34,10 +40,13 @@ def document(
     styles, scripts : their texts, in order; the scripts share one scope
     data : values of JSON, found by the script in the element `data`
     served : parts of the data are asked for from where the page came from
+    beside : pictures that lie beside the page, or below its folder, are shown
     """
     style, script = "\n".join(styles), '"use strict";\n' + "\n".join(scripts)
     policy = (
-        f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
+        "default-src 'none'; img-src data:"
+        + " 'self' file:" * beside
+        + f"; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
         + "connect-src 'self'; " * served
         + "base-uri 'none'; form-action 'none'"
     )

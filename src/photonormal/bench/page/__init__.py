@@ -63,7 +63,7 @@ def report(
             "objects": list(objects(runs, whole, shown, LIMIT, surfaces, advance)),
         }
     shared = [read(f"{name}.js") for name in ("base", "gl", "shading", "tiles", "picture", "surface")]
-    own = [_file(f"{name}.js") for name in ("relief", "compare", "sort")]
+    own = [*(_file(f"{name}.js") for name in ("relief", "compare")), read("sort.js")]
     body = _file("page.html").replace("[[tables]]", tables_html(found))
     write(out, document("photonormal benchmark", body, [_file("page.css")], shared + own, data).encode())
     return out

@@ -56,11 +56,13 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "train": BASE | {"capture", "methods", "scoring", "synth", "progress"},
     "doctor": BASE | {"calibration"},
     "rig": BASE | {"capture", "calibration", "doctor", "export", "progress"},
-    "measurement": BASE | {"capture", "methods", "integration", "scoring", "progress", "doctor", "resources"},
+    "measurement": BASE
+    | {"capture", "methods", "materials", "integration", "scoring", "progress", "doctor", "resources"},
     "job": BASE | {"capture", "methods", "measurement", "export", "rig", "provenance"},
     "batch": BASE | {"capture", "job", "export", "provenance", "progress", "resources", "view"},
     "view": BASE | {"capture", "calibration", "scoring", "export", "progress", "rig"},
     "relighting": BASE | {"methods", "progress"},  # the memory's plan
+    "materials": BASE | {"methods", "progress"},  # the memory's plan
     "handover": BASE | {"capture", "export", "methods", "relighting", "view", "progress", "integration"},
     "bench": BASE
     | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"}

@@ -38,7 +38,7 @@ class Job:
     out : folder of the result
     reading : options of `photonormal.load`
     method : with its options, "normalnet:rotations=4"
-    device, precision, expected_error : as for `photonormal.measure`
+    device, precision, expected_error, materials : as for `photonormal.measure`
     integration : a key of photonormal.integration.METHODS; None: no depth and no mesh
     camera : text file with the 3 x 3 camera matrix
     refine_lights : whether lights are mended by what the photographs show
@@ -58,6 +58,7 @@ class Job:
     camera: Path | None = None
     refine_lights: bool = False
     expected_error: bool = True
+    materials: bool = False
     normals_frame: Frame = "opengl"
     linear_albedo: bool = False
     mesh_faces: int = FACES
@@ -117,6 +118,7 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]
                     K=K,
                     expected_error=job.expected_error,
                     precision=job.precision,
+                    materials=job.materials,
                     lights="refined" if job.refine_lights else "given",
                 )
                 for name, data in extra.files.items():

@@ -37,6 +37,7 @@ def measure(
     examine: bool = True,
     precision: Precision = "auto",
     lights: LightsFrom = "given",
+    materials: bool = False,
 ) -> Result:
     """Normals, albedo and depth of one capture; nothing is written.
 
@@ -54,6 +55,7 @@ def measure(
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
     lights : "given", or "refined": the capture's lights may be off by some degrees each and are mended by what the
         photographs show (`photonormal.methods.uncalibrated`)
+    materials : whether to tell what the surface is made of (`photonormal.materials`), which takes lights
 
     Raises
     ------
@@ -111,6 +113,12 @@ def measure(
 
         with _stage("albedo", seconds), progress("albedo"):
             rho = lambertian_albedo(lit, normals)
+    made_of = None
+    if materials:
+        from photonormal.materials import materials_of
+
+        with _stage("materials", seconds):
+            made_of = materials_of(lit, normals)
     dark = int(capture.mask.sum()) - int(normals.mask.sum())
     if dark:
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
@@ -141,7 +149,7 @@ def measure(
     if capture.truth is not None:
         report["score"] = score(normals, capture.truth).as_dict()
     lit_by = (None, None) if told is None else (told.lights, told.intensities)
-    return Result(capture, normals, rho, surface, *lit_by, report)
+    return Result(capture, normals, rho, surface, *lit_by, report, made_of)
 
 
 def _camera_matrix(capture: Capture, K: np.ndarray | None) -> np.ndarray | None:

@@ -7,6 +7,8 @@ Lights are (..., n, 3) for all pixels, or (..., p, n, 3) where each pixel sees t
 
 from __future__ import annotations
 
+import math
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -67,3 +69,24 @@ def half_vectors(L: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
 def shade(rho: Float[Tensor, "*rho"] | float, cos: Float[Tensor, "*pn"]) -> Tensor:
     """I = rho max(n.l, 0): radiance of a reflectance `rho` (any shape that broadcasts) at cosines `cos`."""
     return rho * cos.clamp(min=0)
+
+
+def schlick(cos_d: Tensor) -> Tensor:
+    """(1 - l.h)^5: a mirror facet of reflectance F0 reflects F0 + (1 - F0) times that."""
+    x = (1 - cos_d).clamp(0, 1)
+    return x.square().square() * x
+
+
+def smith(cos: Tensor, a2: Tensor | float) -> Tensor:
+    """Smith's masking of GGX, over 2 cos: two of them make G / (4 n.l n.v)."""
+    c2 = cos.square()
+    return 1 / (cos + (a2 + c2 - a2 * c2).sqrt()).clamp(min=1e-3)
+
+
+def ggx(cos_l: Tensor, cos_v: Tensor, cos_h: Tensor, a2: Tensor) -> Tensor:
+    """D G / (4 n.l n.v), in 1/sr: the highlight of perfect mirror facets whose roughness is a2^(1/4), before Fresnel.
+
+    B. Walter et al., Microfacet models for refraction through rough surfaces, EGSR 2007.
+    """
+    t = (a2 - 1) * cos_h.square() + 1
+    return a2 / (math.pi * t.square()) * smith(cos_l, a2) * smith(cos_v, a2)

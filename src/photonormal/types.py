@@ -290,6 +290,24 @@ class Surface:
 
 
 @dataclass(frozen=True)
+class Materials:
+    """What the surface is made of, by the highlights that the photographs show.
+
+    Parameters
+    ----------
+    albedo : (h, w, 3) float32, of the matt part alone: without highlights, in the unit of the images, zero outside
+    specular : (h, w, 3) float32, what the surface reflects at right angles, F0, in the same unit; zero where unknown
+    roughness : (h, w) float32, GGX's, squared it is the facets' alpha; NaN where no light shows a highlight
+    metalness : (h, w) float32, 1 for metals and 0 for others; NaN where it can't be told
+    """
+
+    albedo: np.ndarray
+    specular: np.ndarray
+    roughness: np.ndarray
+    metalness: np.ndarray
+
+
+@dataclass(frozen=True)
 class Result:
     """What was measured of one capture, before anything is written (`photonormal.measure`).
 
@@ -301,6 +319,7 @@ class Result:
     surface : None: not asked for
     lights, intensities : (n, 3) unit and (n,), where they were found from the photographs
     report : how it was done: method, options, images, seconds, warnings ..., in JSON's kinds of values
+    materials : None: not asked for
     """
 
     capture: Capture
@@ -310,6 +329,7 @@ class Result:
     lights: np.ndarray | None
     intensities: np.ndarray | None
     report: dict[str, Any] = field(repr=False)
+    materials: Materials | None = None
 
     def __repr__(self) -> str:
         method = self.report.get("method", "")

@@ -45,6 +45,8 @@ class Written:
     """About how many triangles the mesh has at most; of a larger one, every second, third ... row and column stay."""
     expected_error: bool = True
     """Tell how far each normal is expected to be off."""
+    materials: bool = False
+    """Write base colour, roughness, metalness and specular level, as far as highlights tell them."""
     normals_frame: Frame = "opengl"
     """Frame of normals.png, which tells it: opengl (green up), directx (green down), y-down, z-away or blender."""
     linear_albedo: bool = False

@@ -18,6 +18,7 @@ LONGEST = 2**26  # bytes of a report
 NAMES = (  # of the files of a result, of `measure`, `check` and `batch`
     *("normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "error.png"),
     *("expected-error.png", "thumbnail.png", "lights.png", "corrected.lp", "corrected.png"),
+    *("base_colour.png", "roughness.png", "metalness.png", "specular.png", "material_known.png"),
     *("lights.lp", "light_intensities.txt", REPORT),
     *("sphere.lp", "sphere.json", "sphere_spheres.png"),  # of a calibration
     *("summary.csv", "summary.parquet", "index.html"),  # of a batch

@@ -14,6 +14,7 @@ from photonormal.export import encoded
 from photonormal.export.folder import report
 from photonormal.export.labels import with_scale
 from photonormal.export.lights import lp, table
+from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, preview, thumbnail
 from photonormal.masked import taken
@@ -38,7 +39,7 @@ def write_result(
 
     normals.png and normals.npz, albedo.png, depth.npz and mesh.ply (where depth was found), preview.png,
     expected-error.png, error.png (where the truth is known), lights.lp and light_intensities.txt (where they were
-    found) and report.json. `frame` is that of normals.png, a key of
+    found), the maps of materials (where they were asked for) and report.json. `frame` is that of normals.png, a key of
     photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
     `photonormal.capture.told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
     The mesh has about `most_faces` triangles at most, and is in millimetres where the capture tells a pixel's width.
@@ -62,6 +63,9 @@ def write_result(
         write("normals.png", normals, frame=frame),
         write("normals.npz", normals),
     ]
+    if result.materials is not None:
+        known = result.materials
+        jobs.append(lambda: write_materials(known, normals.mask, white, folder))
     if surface is not None:
         jobs += [mesh, write("depth.npz", surface)]
         told["mesh"] = {"mm": unit is not None, "every": step_for(surface, most_faces)}

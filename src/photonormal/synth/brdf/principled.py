@@ -9,6 +9,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from photonormal.shading import ggx, schlick, smith
+
 PARAMETERS = (
     "base_r", "base_g", "base_b", "metallic", "roughness", "specular", "tint", "sheen", "sheen_tint", "coat", "gloss",
 )  # fmt: skip
@@ -37,15 +39,14 @@ class Principled:
         hue = base / (base * base.new_tensor([0.3, 0.6, 0.1])[:, None]).sum(-2, keepdim=True).clamp(min=1e-3)
         dielectric = 0.08 * spec.unsqueeze(-2) * torch.lerp(torch.ones_like(hue), hue, tint.unsqueeze(-2))
         F0 = torch.lerp(dielectric.clamp(max=1), base, metallic.unsqueeze(-2))  # (..., 3, p)
-        F = _fifth(1 - cos_d)
+        F = schlick(cos_d)
         a2 = rough.square().clamp(min=1e-3).square()
-        t = (a2 - 1) * cos_h.square() + 1
-        lobe = a2 / (math.pi * t.square()) * _smith(cos_l, a2) * _smith(cos_v, a2)  # (..., p)
+        lobe = ggx(cos_l, cos_v, cos_h, a2)  # (..., p)
         out = torch.addcmul(F0, 1 - F0, F.unsqueeze(-2)).mul_(lobe.unsqueeze(-2))  # (..., 3, p)
         if bool((coat > 0).any()):
             c2 = torch.lerp(torch.full_like(gloss, 0.1), torch.full_like(gloss, 0.01), gloss).square()
             c = (c2 - 1) / (math.pi * torch.log(c2) * (1 + (c2 - 1) * cos_h.square()))
-            c = 0.25 * coat * c * (0.04 + 0.96 * F) * _smith(cos_l, 0.0625) * _smith(cos_v, 0.0625)
+            c = 0.25 * coat * c * (0.04 + 0.96 * F) * smith(cos_l, 0.0625) * smith(cos_v, 0.0625)
             out += c.unsqueeze(-2)
         if bool((sheen > 0).any()):
             colour = torch.lerp(torch.ones_like(hue), hue, sheen_tint.unsqueeze(-2))
@@ -55,14 +56,3 @@ class Principled:
     def __call__(self, cos_l: Tensor, cos_v: Tensor, cos_h: Tensor, cos_d: Tensor) -> Float[Tensor, "*n 3 p"]:
         matt = self.matt(cos_l, cos_v, cos_d).unsqueeze(-2) / math.pi
         return torch.addcmul(self.specular(cos_l, cos_v, cos_h, cos_d), self.base(), matt)
-
-
-def _fifth(x: Tensor) -> Tensor:
-    x = x.clamp(0, 1)
-    return x.square().square() * x
-
-
-def _smith(cos: Tensor, k: Tensor | float) -> Tensor:
-    """Smith masking of GGX, over 2 cos: two of them make G / (4 cos_l cos_v)."""
-    c2 = cos.square()
-    return 1 / (cos + (k + c2 - k * c2).sqrt()).clamp(min=1e-3)

@@ -1,0 +1,119 @@
+"""Two lobes at a pixel: I = (rho + pi F0 lobe) max(n.l, 0), matt and a GGX highlight; least squares for each roughness.
+
+F0 is what the surface reflects at right angles, in the unit of the albedo rho. What Schlick's law adds to it is at most
+(1 - cos 45 deg)^5 = 0.2 % of white for lights on the camera's side, and is left out: pictures do not tell what white is.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.shading import cosines, ggx, half_vectors
+
+ROUGHNESS = torch.logspace(-1, 0, 20)  # that are tried
+STEEPEST = 0.1  # n.l below which a sample tells little
+LOW = 0.4  # quantile of I / n.l that is taken for the matt part at first: highlights are above it, shadows below
+SHADE = 0.4  # of that, below which a sample lies in a shadow
+NOISE = 1e-4  # least variance, over the signal's square: what the model can't explain anyway
+FAINT = 0.1  # a highlight that is seen adds this to the matt part where that is brightest
+FLANK = 0.1  # of the lobe's peak: a light must show so much of it
+EXPLAINED = 0.5  # of what the matt part leaves: the highlight must explain so much
+BROADEST = 0.8  # roughness from which a highlight looks like what matt surfaces show
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What some pixels show, and how each light meets them.
+
+    Parameters
+    ----------
+    I : radiance
+    cos_l, cos_v, cos_h : n.l, n.v and n.h
+    w : weights, one over the squared level of a sample; 0 where it is in shadow or saturated
+    albedo : a first guess
+    """
+
+    I: Float[Tensor, "p n c"]
+    cos_l: Float[Tensor, "p n"]
+    cos_v: Float[Tensor, "p 1"]
+    cos_h: Float[Tensor, "p n"]
+    w: Float[Tensor, "p n"]
+    albedo: Float[Tensor, "p c"]
+
+    def lobe(self, roughness: Float[Tensor, "#p 1"] | Tensor) -> Float[Tensor, "p n"]:
+        """pi D G / (4 n.l n.v) max(n.l, 0): the radiance of a highlight whose F0 is 1."""
+        cos = self.cos_l.clamp(min=1e-3)
+        return math.pi * ggx(cos, self.cos_v.clamp(min=0.05), self.cos_h, roughness**4) * cos
+
+
+def samples(
+    I: Float[Tensor, "p n c"],
+    N: Float[Tensor, "p 3"],
+    L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"],
+    saturated: Bool[Tensor, "p n"],
+) -> Samples:
+    """Samples and their weights: those in shadow are told by a low quantile of I / n.l over the lights."""
+    cos_l = cosines(N, L)
+    Y = I.mean(-1)  # (p, n)
+    usable = (cos_l > STEEPEST) & ~saturated
+    ratio = torch.where(usable, Y / cos_l.clamp(min=STEEPEST), torch.inf)
+    rank = (LOW * usable.sum(1, keepdim=True)).long().clamp(max=Y.shape[1] - 1)
+    at = ratio.sort(1).indices.gather(1, rank)  # (p, 1) the light that shows the quantile
+    albedo = I.gather(1, at[..., None].expand(-1, 1, I.shape[2]))[:, 0] / cos_l.gather(1, at).clamp(min=STEEPEST)
+    level = albedo.mean(-1, keepdim=True)
+    usable &= Y >= SHADE * level * cos_l
+    sigma = level + Y + 1e-3 * Y.amax(1, keepdim=True)
+    w = torch.where(usable, sigma.clamp(min=1e-12) ** -2, 0.0)
+    return Samples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, albedo)
+
+
+def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
+    """Of each of ROUGHNESS, the best matt and highlight colours given; zero for the best one of a pixel."""
+    matt = s.cos_l.clamp(min=0)
+    wm = s.w * matt
+    mm = (wm * matt).sum(1).clamp(min=1e-12)[:, None]  # (p, 1)
+    Im = (wm[:, None] @ s.I)[:, 0]  # (p, c)
+    rest = (s.w[:, None] @ s.I.square())[:, 0].sum(1) - (Im.square() / mm).sum(1)  # (p,) what the matt part leaves
+    degrees = (s.w > 0).sum(1) * s.I.shape[2]
+    found = []
+    for roughness in ROUGHNESS:
+        g = s.lobe(roughness)
+        wg = s.w * g
+        gm = (wg * matt).sum(1, keepdim=True)
+        gg = (wg * g).sum(1, keepdim=True) - gm.square() / mm  # the lobe, without what the matt part explains
+        Ig = ((wg[:, None] @ s.I)[:, 0] - Im * gm / mm).clamp(min=0)
+        left = rest - (Ig.square() / gg.clamp(min=1e-9)).sum(1)
+        found.append(torch.log(left.clamp(min=0) / degrees.clamp(min=1) + NOISE))
+    values = torch.stack(found, 1) * (-0.5 * degrees[:, None])
+    return values - values.amax(1, keepdim=True)
+
+
+def fitted(
+    s: Samples, roughness: Float[Tensor, " p"]
+) -> tuple[Float[Tensor, "p c"], Float[Tensor, "p c"], Bool[Tensor, " p"]]:
+    """Albedo and F0, neither below zero, at a given roughness; and where the lights show a highlight that fits."""
+    matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
+    wm, wg = s.w * matt, s.w * g
+    mm, gg, gm = ((a * b).sum(1, keepdim=True).clamp(min=1e-12) for a, b in ((wm, matt), (wg, g), (wm, g)))
+    Im, Ig = (wm[:, None] @ s.I)[:, 0], (wg[:, None] @ s.I)[:, 0]  # (p, c)
+    det = (mm * gg - gm.square()).clamp(min=1e-6 * mm * gg)
+    rho, F0 = (gg * Im - gm * Ig) / det, (mm * Ig - gm * Im) / det
+    rho, F0 = torch.where(F0 < 0, Im / mm, rho), torch.where(rho < 0, Ig / gg, F0)
+    rho, F0 = rho.clamp(min=0), F0.clamp(min=0)
+
+    def left(rho: Tensor, F0: Tensor) -> Float[Tensor, " p"]:
+        model = matt[..., None] * rho[:, None] + g[..., None] * F0[:, None]  # (p, n, c)
+        return (s.w[..., None] * (s.I - model).square()).sum((1, 2))
+
+    explained = left(rho, F0) < (1 - EXPLAINED) * left(Im / mm, torch.zeros_like(F0))
+    lit = s.w > 0
+    a2 = roughness[:, None] ** 4
+    near = (a2 / ((a2 - 1) * s.cos_h.square() + 1)).square() > FLANK  # of D over its peak
+    brightest = (rho.mean(-1, keepdim=True) * matt * lit).amax(1, keepdim=True)
+    shown = lit & near & (F0.mean(-1, keepdim=True) * g > FAINT * brightest)
+    return rho, F0, shown.any(1) & explained & (roughness < BROADEST)

@@ -1,0 +1,121 @@
+"""The maps of a capture's materials, some rows at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.masked import row_bands
+from photonormal.materials.lobes import ROUGHNESS, fitted, log_likelihood, samples
+from photonormal.materials.neighbours import RADIUS, pooled
+from photonormal.methods.engine import plan
+from photonormal.methods.engine.near import seen_as_distant
+from photonormal.progress import progress
+from photonormal.types import Capture, Materials, Normals, box_of
+
+PIXELS = 2**14  # whose lobes are computed at a time
+LEVELS = 8  # grey levels that take as much memory as what is found of a pixel
+SATURATED = 0.995  # of the largest sample, from which one tells too little
+MATT = 0.3  # share of the albedo in albedo + F0 above which nothing is a metal,
+BARE = 0.05  # below which it is one,
+COLOURED = 0.2  # and between them where F0 of the channels differs by this much of the largest
+
+
+def materials_of(capture: Capture, normals: Normals) -> Materials:
+    """Fit a matt lobe and a highlight to each pixel, whose roughness is the likeliest for it and its like neighbours.
+
+    The view is orthographic. Samples in shadow and saturated ones are left out; light between parts of the surface is
+    not modelled. An exposure changes the albedo and F0 alone, and the order of the images nothing.
+
+    Raises
+    ------
+    InputError
+        If the capture has no lights, or a row of its photographs does not fit into the memory that is allowed.
+    """
+    capture = seen_as_distant(capture, normals)
+    capture.known_lights()
+    h, w = capture.mask.shape
+    found = Materials(
+        np.zeros((h, w, 3), np.float32),
+        np.zeros((h, w, 3), np.float32),
+        np.full((h, w), np.nan, np.float32),
+        np.full((h, w), np.nan, np.float32),
+    )
+    columns = box_of(capture.mask)[1]
+    with progress("materials", int(capture.mask.sum())) as advance:
+        for rows in row_bands(capture.mask, max(1, min(plan.pixels(capture), plan.levels() // LEVELS))):
+            around = slice(max(0, rows.start - RADIUS), min(h, rows.stop + RADIUS))
+            _fill(found, capture, normals, rows, around, columns)
+            advance(int(capture.mask[rows].sum()))
+    return found
+
+
+def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, around: slice, columns: slice) -> None:
+    """The maps in some rows, which those `around` them help to tell."""
+    on = normals.mask[around, columns]
+    seen = list(_seen(capture, normals, around, columns))
+    if not seen:
+        return
+    where = torch.from_numpy(on)
+    likelihood = torch.zeros(*on.shape, len(ROUGHNESS))
+    colour = torch.zeros(*on.shape, capture.images.shape[3])
+    likelihood[where] = torch.cat([log_likelihood(samples(*part)) for part in seen])
+    colour[where] = torch.cat([samples(*part).albedo for part in seen])
+    roughness = ROUGHNESS[pooled(likelihood, colour)[where].argmax(1)].split([len(part[0]) for part in seen])
+    del likelihood
+    fits = [fitted(samples(*part), r) for part, r in zip(seen, roughness, strict=True)]
+    rho, F0, shown = (torch.cat(values) for values in zip(*fits, strict=True))
+    roughness = torch.where(shown, torch.cat(roughness), torch.nan)
+    F0 = F0 * shown[:, None]
+    kept = np.zeros_like(on)
+    kept[rows.start - around.start : rows.stop - around.start] = True
+    kept, mine = kept & on, torch.from_numpy(kept[on])
+    for map, values in (
+        (found.albedo, rho),
+        (found.specular, F0),
+        (found.roughness, roughness),
+        (found.metalness, metalness(rho, F0)),
+    ):
+        map[around, columns][kept] = values[mine].numpy()
+
+
+def _seen(
+    capture: Capture, normals: Normals, rows: slice, columns: slice
+) -> Iterator[tuple[Tensor, Tensor, Tensor, Tensor]]:
+    """Radiance, normals, lights and which samples are saturated of the normals' pixels in a window, some at a time."""
+    n, _, _, c = capture.images.shape
+    on, asked = normals.mask[rows, columns], capture.mask[rows, columns]
+    I = torch.empty(int(on.sum()), n, c)
+    saturated = torch.zeros(len(I), n, dtype=torch.bool)
+
+    def read(j: int) -> None:
+        picture = torch.from_numpy(capture.window(j, rows, columns)[on])
+        I[:, j] = picture
+        if capture.saturation is not None:
+            white = torch.from_numpy(np.asarray(capture.saturation[j], np.float32))
+            saturated[:, j] = (picture >= SATURATED * white).any(-1)
+
+    capture.each_image(read)
+    N = torch.from_numpy(normals.map[rows, columns][on])
+    numbers = int(np.count_nonzero(capture.mask[: rows.start])) + np.flatnonzero(on[asked])  # on the capture's mask
+    lights = torch.from_numpy(capture.known_lights().astype(np.float32))
+    for first in range(0, len(I), PIXELS):
+        part = slice(first, first + PIXELS)
+        if capture.lights_at is not None:
+            lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
+        yield I[part], N[part], lights, saturated[part]
+
+
+def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"]) -> Float[Tensor, " p"]:
+    """1 where there is no matt part, or hardly any under a coloured highlight; 0 where there is one; else NaN."""
+    matt, bright = rho.mean(-1), F0.mean(-1)
+    share = matt / (matt + bright).clamp(min=1e-12)
+    coloured = F0.amax(-1) - F0.amin(-1) > COLOURED * F0.amax(-1)
+    metal = (share < BARE) | ((share < MATT) & coloured)
+    told = bright > 0
+    nan = torch.full_like(share, torch.nan)
+    return torch.where(told & metal, 1.0, torch.where(told & (share > MATT), 0.0, nan))

@@ -15,7 +15,8 @@ from photonormal.types import InputError
 
 NO_PHOTOGRAPH = re.compile(  # how files are called that lie beside photographs: masks, normal maps, thumbnails, results
     r"(^|[._-])(mask|matte|normals?(_?map)?|normals?_gt|gt_normals?|inboundary|onboundary|spheres|refused|preview|thumb(nail)?s?"
-    r"|albedo|expected-error)$|^(error|lights?|light_directions|light_intensities|corrected|depth)$",
+    r"|albedo|expected-error)$|^(error|lights?|light_directions|light_intensities|corrected|depth"
+    r"|base_colour|roughness|metalness|specular|material_known)$",
     re.IGNORECASE,
 )
 PREFER = {"raw": RAW, "jpeg": {".jpg", ".jpeg"}, "tiff": {".tif", ".tiff"}, "png": {".png"}, "exr": {".exr"}}

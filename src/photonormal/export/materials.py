@@ -15,8 +15,9 @@ TOLD = 128, 255  # grey of material_known.png: roughness is told; metalness, too
 
 
 def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: float, folder: Batch) -> None:
-    """base_colour.png (sRGB-encoded; of metals it is F0), roughness.png, metalness.png, specular.png (F0 over 0.08), and
-    material_known.png, grey where roughness was told and white where metalness was, too.
+    """base_colour.png (sRGB-encoded; of metals it is F0), roughness.png, metalness.png, specular.png (F0 over 0.08).
+
+    material_known.png is grey where roughness was told, and white where metalness was, too.
 
     What is not told is taken from the nearest pixel where it is, else matt; `white` is the radiance of a white surface.
     """
@@ -35,16 +36,16 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
     folder.write("material_known.png", encode_png(told))
 
 
-def filled(
-    map: Float[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"], otherwise: float
-) -> Float[np.ndarray, "h w"]:
+def filled(map: Float[np.ndarray, "h w"], known: Bool[np.ndarray, "h w"], otherwise: float) -> Float[np.ndarray, "h w"]:
     """The map where it is known, and elsewhere what the nearest such pixel has; `otherwise` where none is known."""
     import cv2
 
     if not known.any():
         return np.full(map.shape, otherwise, np.float32)
     source = (~known).astype(np.uint8)
-    label = cv2.distanceTransformWithLabels(source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)[1]
+    label: np.ndarray = cv2.distanceTransformWithLabels(source, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)[
+        1
+    ].astype(np.intp, copy=False)
     values = np.zeros(label.max() + 1, np.float32)
     values[label[known]] = map[known]
     return values[label]

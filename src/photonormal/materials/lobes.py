@@ -1,7 +1,7 @@
 """Two lobes at a pixel: I = (rho + pi F0 lobe) max(n.l, 0), matt and a GGX highlight; least squares for each roughness.
 
 F0 is what the surface reflects at right angles, in the unit of the albedo rho. What Schlick's law adds to it is at most
-(1 - cos 45 deg)^5 = 0.2 % of white for lights on the camera's side, and is left out: pictures do not tell what white is.
+(1 - cos 45 deg)^5 = 0.2 % of white for lights on the camera's side. It is left out: pictures do not tell what white is.
 """
 
 from __future__ import annotations

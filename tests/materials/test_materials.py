@@ -1,0 +1,117 @@
+"""Spheres of known roughness, and what must not change it."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from photonormal.cli import main
+from photonormal.files.decode import decode
+from photonormal.geometry import fibonacci_hemisphere
+from photonormal.masked import row_bands
+from photonormal.materials import maps, materials_of
+from photonormal.materials.lobes import samples
+from photonormal.types import Capture
+from tests.scenes import lambertian, sphere, write_diligent
+
+LIGHTS = fibonacci_hemisphere(120)
+LIGHTS = LIGHTS[LIGHTS[:, 2] > 0.35]
+
+
+def shiny(roughness, albedo=(0.4, 0.3, 0.1), F0=(0.05, 0.05, 0.05), size=40):
+    """A sphere with a matt part and a GGX highlight; a white surface would show 1, and none is saturated."""
+    truth = sphere(size)
+    N = torch.from_numpy(truth.map[truth.mask])
+    L = torch.from_numpy(LIGHTS.astype(np.float32))
+    none = torch.zeros(len(N), len(L), dtype=torch.bool)
+    s = samples(torch.zeros(len(N), len(L), 3), N, L, none)
+    lobe = s.lobe(torch.tensor([[roughness]])) * (s.cos_l > 0)
+    shown = s.cos_l.clamp(min=0)[..., None] * torch.tensor(albedo) + lobe[..., None] * torch.tensor(F0)  # (p, n, 3)
+    images = np.zeros((len(L), *truth.mask.shape, 3), np.float32)
+    images[:, truth.mask] = shown.numpy().swapaxes(0, 1)
+    return Capture(images, truth.mask, LIGHTS, truth=truth, name="ball")
+
+
+def middle(map, size=40):
+    """Where normals are at most 30 degrees from the view, which lights all around can show highlights on."""
+    y, x = np.mgrid[1 : -1 : 1j * size, -1 : 1 : 1j * size]
+    return map[np.hypot(x, y) < 0.45]
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.35, 0.5, 0.7])
+def test_the_roughness_of_a_sphere_is_found_and_its_albedo_has_no_highlight(roughness):
+    capture = shiny(roughness)
+    found = materials_of(capture, capture.truth)
+    told = middle(found.roughness)
+    assert np.isfinite(told).mean() > 0.8  # sharp highlights fit between the lights
+    assert np.nanmax(np.abs(told - roughness)) < 0.05
+    seen = np.isfinite(found.roughness)
+    assert np.abs(np.median(found.albedo[seen], axis=0) - [0.4, 0.3, 0.1]).max() < 0.01
+    assert np.abs(np.median(found.specular[seen], axis=0) - 0.05).max() < 0.005
+    assert not (found.metalness == 1).any()
+
+
+def test_a_sphere_without_matt_part_is_a_metal_and_shows_its_colour():
+    capture = shiny(0.4, albedo=(0, 0, 0), F0=(0.9, 0.7, 0.3))
+    found = materials_of(capture, capture.truth)
+    told = middle(found.metalness)
+    assert (told == 1).mean() > 0.9 and not (told == 0).any()
+    assert np.abs(np.median(middle(found.specular), axis=0) / [0.9, 0.7, 0.3] - 1).max() < 0.05
+
+
+def test_of_a_matt_sphere_nothing_is_told_but_its_albedo():
+    capture = lambertian(sphere(40), LIGHTS)
+    found = materials_of(capture, capture.truth)
+    assert np.isnan(found.roughness).all() and np.isnan(found.metalness).all() and not found.specular.any()
+    assert np.abs(found.albedo[capture.mask] - 0.7).max() < 1e-3
+
+
+def same(a, b, unit=1.0):
+    """Equal but for the last bits, which may turn the choice in a pixel that two values fit as well."""
+    assert np.array_equal(np.isnan(a.roughness), np.isnan(b.roughness))
+    assert (np.abs(a.roughness - b.roughness)[np.isfinite(a.roughness)] < 1e-6).mean() > 0.99
+    assert np.array_equal(a.metalness, b.metalness, equal_nan=True)
+    assert np.quantile(np.abs(unit * a.albedo - b.albedo), 0.99) < 1e-4 * unit
+
+
+def test_exposure_changes_the_unit_alone_and_the_order_of_images_nothing():
+    capture = shiny(0.35)
+    found = materials_of(capture, capture.truth)
+    brighter = replace(capture, images=16 * np.asarray(capture.images))
+    same(found, materials_of(brighter, capture.truth), 16)
+    order = np.random.default_rng(0).permutation(len(LIGHTS))
+    same(found, materials_of(replace(capture, images=capture.images[order], lights=LIGHTS[order]), capture.truth))
+
+
+def test_some_rows_at_a_time_give_what_all_at_once_give(monkeypatch):
+    capture = shiny(0.35)
+    found = materials_of(capture, capture.truth)
+    monkeypatch.setattr(maps, "row_bands", lambda mask, pixels: row_bands(mask, 100))
+    monkeypatch.setattr(maps, "PIXELS", 64)
+    same(found, materials_of(capture, capture.truth))
+
+
+def test_samples_in_shadow_and_saturated_ones_do_not_count():
+    capture = shiny(0.35)
+    images = np.array(capture.images)
+    images[::7, :, :20] = 0
+    shaded = materials_of(replace(capture, images=images), capture.truth)
+    assert np.nanmedian(np.abs(middle(shaded.roughness) - 0.35)) < 0.03
+    white = np.quantile(images[:, capture.mask], 0.995)
+    clipped = replace(capture, images=images.clip(max=white), saturation=np.full((len(LIGHTS), 3), white))
+    assert np.nanmedian(np.abs(middle(materials_of(clipped, capture.truth).roughness) - 0.35)) < 0.03
+
+
+def test_the_command_writes_the_maps(tmp_path):
+    write_diligent(tmp_path / "ball", shiny(0.35))
+    words = ["measure", str(tmp_path / "ball"), "--method", "woodham", "--materials", "--no-mesh"]
+    assert main([*words, "--out", str(tmp_path / "r")]) == 0
+    maps = {n: decode(tmp_path / "r" / f"{n}.png") for n in ("base_colour", "roughness", "metalness", "specular")}
+    known = decode(tmp_path / "r" / "material_known.png")[..., 0]
+    assert {v.shape for v in maps.values()} == {(40, 40, 3), (40, 40, 1)} and maps["base_colour"].shape[2] == 3
+    assert set(np.unique(known)) == {0, 128, 255} or set(np.unique(known)) == {0, 255}
+    assert abs(np.median(maps["roughness"][known > 0]) / 255 - 0.35) < 0.1
+    assert (maps["metalness"] > 0).mean() < 0.1
+    assert set(json.loads((tmp_path / "r" / "report.json").read_text())["files"]) >= {f"{n}.png" for n in maps}

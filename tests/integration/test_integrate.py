@@ -206,7 +206,7 @@ def test_what_cannot_be_integrated_is_refused():
 @pytest.mark.data
 @pytest.mark.parametrize(("name", "published_mm"), [("bear", 0.334), ("cat", 0.074), ("reading", 0.257)])
 def test_depth_of_real_objects_is_as_good_as_published(data, name, published_mm):
-    from benchmarks.integrate import depth_error_mm, real_object
+    from integrate import depth_error_mm, real_object
 
     normals, camera, depth_mm = real_object(data, name)
     assert depth_error_mm(integrate(normals, "bilateral", K=camera), depth_mm) <= published_mm

@@ -46,7 +46,8 @@ class Export:
     """HTML file to write, to relight, turn and measure the result without server or network."""
     to: Annotated[str, shown(f"{{{','.join(FORMATS)}}}")] = ""
     """Format of --out: ptm (luminance and colour) and ptm-rgb, .ptm files; hsh (9 terms) and hsh16, .rti files; relight
-    and relight-hsh, RelightLab's folders for the web; openlime and openlime-hsh, those with a page of OpenLIME."""
+    and relight-hsh, RelightLab's folders for the web; openlime and openlime-hsh, those with a page of OpenLIME;
+    gltf, a .glb file with mesh, colour, normal map and occlusion."""
     out: FileOrFolder = None
     """File or folder to write in the format of --to."""
     relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
@@ -60,7 +61,7 @@ class Export:
     capture: Folder = None
     """Its photographs, where they are no longer where its report says."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide, so that the page tells lengths in mm."""
+    """Millimetres that a pixel is wide, so that the page tells lengths in mm, and gltf is in metres."""
     memory: Size = ""
     """How much memory may be used, such as 3GB; half of what is free by default."""
     overwrite: bool = False
@@ -89,6 +90,10 @@ class Export:
         from photonormal.files.memory import allow
 
         allow(self.memory)
+        if self.to == "gltf":
+            from photonormal.handover.gltf import export_gltf
+
+            return export_gltf(self.result, out, self.mm_per_px, self.overwrite)
         if self.to:
             from photonormal.handover.relightable import export_relighting
 

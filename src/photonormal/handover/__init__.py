@@ -2,4 +2,7 @@
 
 from photonormal import relighting
 
-FORMATS = {name: kind.ending for name, kind in relighting.FORMATS.items()}  # name -> ending; folders have none
+FORMATS = {  # name -> ending; folders have none
+    **{name: kind.ending for name, kind in relighting.FORMATS.items()},
+    "gltf": ".glb",
+}

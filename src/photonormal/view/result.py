@@ -149,10 +149,8 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
         error = error_map_deg(normals, photographs.truth)
         layers["error"] = degrees_plane(error[box])
         about["mean_error_deg"] = round(float(np.nanmean(error)), 2)
-    told = report.get("reading", {}).get("mm_per_px")
-    if mm_per_px is None and told is not None:
-        check_value(told, Positive, f"{folder / REPORT}: mm_per_px")
-        mm_per_px = told / (report.get("crop") or {"scale": 1.0})["scale"]
+    if mm_per_px is None:
+        mm_per_px = mm_per_px_of(report, folder)
     name = f"{report.get('capture') or folder.resolve().name}, {report.get('method') or 'normals'}"
     about |= {
         "title": name,
@@ -181,6 +179,15 @@ def report_of(folder: Path) -> Report:
     if not is_result(folder):
         raise InputError(f"{folder} holds no {REPORT} and normals.npz; give a folder that `photonormal measure` wrote.")
     return read_json(folder / REPORT, Report, AGAIN)
+
+
+def mm_per_px_of(report: Report, folder: Path) -> float | None:
+    """Millimetres that a pixel of a result is wide, where its report says."""
+    told = report.get("reading", {}).get("mm_per_px")
+    if told is None:
+        return None
+    check_value(told, Positive, f"{folder / REPORT}: mm_per_px")
+    return told / (report.get("crop") or {"scale": 1.0})["scale"]
 
 
 def _same_size(path: Path, shape: tuple[int, ...], frame: tuple[int, ...]) -> None:

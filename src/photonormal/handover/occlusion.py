@@ -1,0 +1,59 @@
+"""How open a relief lies: the share of an even sky that a surface sees, weighed by the cosine."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+SLICES = 8  # planes through the view axis
+GROWTH = 1.1  # of the steps to what may stand in the way
+SIDE = 512  # pixels of the longer side at which it is found
+
+
+def openness(height: Float[np.ndarray, "h w"], normals: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"]:
+    """From 0, buried, to 1, open, at each pixel.
+
+    What stands in the way is the relief itself, from each pixel to the end of the picture. In each plane the sky
+    between the horizons of both sides is integrated as Jimenez et al. do it, Practical realtime strategies for accurate
+    indirect occlusion, SIGGRAPH courses 2016.
+
+    Parameters
+    ----------
+    height : towards the camera in pixels, NaN where there is none, which hides nothing
+    normals : x right, y up, z to the camera
+    """
+    h, w = height.shape
+    step = max(1, -(-max(h, w) // SIDE))
+    z = np.where(np.isfinite(height), height, -np.inf)[::step, ::step].astype(np.float32) / step
+    N = normals[::step, ::step]
+    total = np.zeros(z.shape, np.float32)
+    for angle in np.pi * np.arange(SLICES) / SLICES:
+        x, y = np.cos(angle), np.sin(angle)
+        along = x * N[..., 0] + y * N[..., 1]
+        gamma = np.arctan2(along, N[..., 2])  # of the normal's shadow in this plane, from the view axis
+        right = np.minimum(_horizon(z, x, y), gamma + np.pi / 2)
+        left = np.maximum(-_horizon(z, -x, -y), gamma - np.pi / 2)
+        arcs = sum(2 * a * np.sin(gamma) - np.cos(2 * a - gamma) + np.cos(gamma) for a in (right, left))
+        total += np.hypot(along, N[..., 2]) * arcs / 4
+    found = (total / SLICES).clip(0, 1)
+    return found if step == 1 else cv2.resize(found, (w, h), interpolation=cv2.INTER_LINEAR)
+
+
+def _horizon(z: Float[np.ndarray, "h w"], x: float, y: float) -> Float[np.ndarray, "h w"]:
+    """The angle from the view axis to where the sky begins in the direction x to the right, y up."""
+    h, w = z.shape
+    slope = np.full(z.shape, -np.inf, np.float32)
+    done, distance = {(0, 0)}, 1.0
+    while distance < max(h, w):
+        row, column = round(-y * distance), round(x * distance)
+        distance = max(distance * GROWTH, distance + 1)
+        if (row, column) in done or abs(row) >= h or abs(column) >= w:
+            continue
+        done.add((row, column))
+        here = np.s_[max(-row, 0) : h - max(row, 0), max(-column, 0) : w - max(column, 0)]
+        there = np.s_[max(row, 0) : h + min(row, 0), max(column, 0) : w + min(column, 0)]
+        with np.errstate(invalid="ignore"):  # no height from where there is none
+            rise = (z[there] - z[here]) / np.float32(np.hypot(row, column))
+        slope[here] = np.fmax(slope[here], rise)
+    return np.pi / 2 - np.arctan(slope)

@@ -14,7 +14,7 @@ help:
 $(READY): pyproject.toml constraints.txt
 	@test -x $(VENV)/bin/python -a -e $(VENV)/bin/pip || $(PYTHON) -m venv $(VENV) || \
 		{ echo "python3 can't make an environment; on Debian and Ubuntu: apt install python3-venv"; exit 1; }
-	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,train,bench,raw,view,parquet]'
+	$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev,train,bench,raw,view,parquet,cluster]'
 	@touch $@
 
 demo: $(READY)

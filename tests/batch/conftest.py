@@ -22,9 +22,9 @@ def season(tmp_path):
 def here(monkeypatch):
     """Captures are measured by this process: to start others takes seconds."""
 
-    def run(waiting, count, at, begun):
+    def run(waiting, at, begun, jobs):
         for named in waiting:
-            begun(named.name, 0)
+            begun(named.name, "here")
             yield work(named)
 
     monkeypatch.setattr(workers, "run", run)

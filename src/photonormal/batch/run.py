@@ -8,11 +8,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from photonormal.batch import workers
 from photonormal.batch.captures import Named
 from photonormal.batch.state import State, state_of
 from photonormal.batch.summary import Summary
-from photonormal.batch.work import Outcome
+from photonormal.batch.work import Measured, Outcome
 from photonormal.progress import several
 from photonormal.types import InputError
 
@@ -24,9 +23,9 @@ def run(
     captures: Sequence[Named],
     out: Path,
     tell: Event,
+    measured: Measured,
     retry: bool = False,
     overwrite: bool = False,
-    processes: int | None = None,
 ) -> dict[str, Any]:
     """Measure the captures that are not done, and write the summary; returns how many there are of each kind.
 
@@ -35,11 +34,11 @@ def run(
     captures : what to measure, as `photonormal.batch.captures.jobs` names it
     out : folder of the batch
     tell : is called with an event and what belongs to it: ("found", captures=...), ("stale", capture=..., why=...),
-        ("begun", capture=..., process=...), ("done", capture=..., seconds=..., ...), ("failed", capture=...,
+        ("begun", capture=..., where=...), ("done", capture=..., seconds=..., ...), ("failed", capture=...,
         kind=..., message=...), ("summary", ...)
+    measured : gives what comes of the captures: `photonormal.batch.workers.run`, or a cluster's
     retry : try again what has failed before in the same way
     overwrite : make results of other options again, and write beside what is no result
-    processes : captures at a time; None: as many as cores and memory allow
 
     Raises
     ------
@@ -68,23 +67,24 @@ def run(
         elif state.kind == "failed" and not retry:
             counts.update(kept=-1, failed=1)
             tell("failed", capture=name, kind="before", message=state.why)
-    written = time.monotonic()
-    with several(f"{len(waiting)} captures", len(waiting)) as bars:
+    try:
+        with several(f"{len(waiting)} captures", len(waiting)) as bars:
 
-        def begun(name: str, process: int) -> None:
-            bars.at(name, "begun", 0, None)
-            tell("begun", capture=name, process=process)
+            def begun(name: str, where: str) -> None:
+                bars.at(name, "begun", 0, None)
+                tell("begun", capture=name, where=where)
 
-        count = workers.how_many(processes, len(waiting))
-        for outcome in workers.run(waiting, count, bars.at, begun):
-            bars.gone(outcome.name)
-            bars.advance()
-            summary.read(outcome.name)
-            counts.update([_told(outcome, tell)])
-            if time.monotonic() - written > EVERY_S:
-                summary.write()
-                written = time.monotonic()
-    summary.write()
+            written = time.monotonic()
+            for outcome in measured(waiting, bars.at, begun):
+                bars.gone(outcome.name)
+                bars.advance()
+                summary.read(outcome.name)
+                counts.update([_told(outcome, tell)])
+                if time.monotonic() - written > EVERY_S:
+                    summary.write()
+                    written = time.monotonic()
+    finally:
+        summary.write()
     numbers = {key: counts[key] for key in ("measured", "kept", "failed")}
     tell("summary", **numbers, out=str(out))
     return numbers

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,11 @@ class Outcome:
     failure: str = ""
     kind: Kind = "input"
     numbers: dict[str, Any] | None = None
+
+
+At = Callable[[str, str, int, int | None], None]  # of a capture: what is being done, steps done and in all
+Begun = Callable[[str, str], None]  # a capture, and where
+Measured = Callable[[Sequence[Named], At, Begun], Iterator[Outcome]]  # what comes of captures, as it comes
 
 
 def work(named: Named) -> Outcome:

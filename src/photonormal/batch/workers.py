@@ -10,14 +10,14 @@ import signal
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from photonormal import progress
 from photonormal.batch.captures import Named
 from photonormal.batch.state import record_failure
-from photonormal.batch.work import Outcome, work
+from photonormal.batch.work import At, Begun, Outcome, work
 from photonormal.files import memory
 from photonormal.types import cores
 
@@ -25,7 +25,6 @@ TRIES = 3  # of a capture whose process ends early
 EACH = memory.LEAST  # bytes that a process may use, at least
 OFTEN_S = 0.2  # between two words about how far a capture is
 PATIENCE_S = 10.0  # for processes that are to end
-At = Callable[[str, str, int, int | None], None]  # name, what is being done, steps done and in all
 
 
 def how_many(jobs: int | None, captures: int) -> int:
@@ -51,8 +50,9 @@ class Worker:
             self.pipe.send(named)
 
 
-def run(waiting: Sequence[Named], count: int, at: At, begun: Callable[[str, int], None]) -> Iterator[Outcome]:
-    """What comes of the captures, as it comes, from `count` processes."""
+def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:
+    """What comes of the captures, as it comes, from `jobs` processes; None: as many as cores and memory allow."""
+    count = how_many(jobs, len(waiting))
     todo, died = deque(waiting), Counter()
     workers: list[Worker] = []
     threads, nbytes = max(1, cores() // max(1, count)), memory.allowed() // max(1, count)
@@ -64,7 +64,7 @@ def run(waiting: Sequence[Named], count: int, at: At, begun: Callable[[str, int]
                 if worker.named is None and todo:
                     named = todo.popleft()
                     worker.begin(named)
-                    begun(named.name, worker.process.pid or 0)
+                    begun(named.name, f"process {worker.process.pid}")
             for pipe in wait([w.pipe for w in workers if w.named]):
                 worker = next(w for w in workers if w.pipe is pipe)
                 named = worker.named

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
@@ -23,6 +25,10 @@ class Going:
     """Find lights from a mirror sphere: auto: in each capture, where it shows one; FOLDER: in each, or one for all."""
     jobs: Number = None
     """Captures at a time, each in its own process; by default as many as cores and memory allow."""
+    scheduler: Annotated[str, shown("ADDRESS")] = ""
+    """Let the workers of a Dask cluster measure, which see the same folders: tcp://192.168.1.2:8786."""
+    workers: Number = None
+    """Let so many workers of a Dask cluster on this machine measure."""
     retry: Annotated[Literal["", "failed"], shown("failed")] = ""
     """Try again what has failed before."""
     overwrite: bool = False
@@ -46,18 +52,25 @@ class Batch:
 
     def __call__(self) -> int:
         from photonormal.batch.captures import jobs
+        from photonormal.batch.cluster import cluster
         from photonormal.batch.run import run
+        from photonormal.batch.workers import run as processes
         from photonormal.files.memory import allow
         from photonormal.job import AUTO, Job
 
         going, reading = self.batch, self.read.how()
         allow(reading.pop("memory"))
         sphere = AUTO if going.sphere == "auto" else going.sphere
+        if sphere and Path(sphere).is_dir():
+            sphere = str(Path(sphere).resolve())
         how = of_job(self.method, self.results)
         like = Job(Path(), self.out, reading, sphere=sphere, overwrite=going.overwrite, **how)
         found = jobs(self.captures, self.out, like, kinds())
         tells = as_lines if going.json_lines else in_words
-        done = run(found, self.out, tells, going.retry == "failed", going.overwrite, going.jobs)
+        clustered = going.scheduler or going.workers
+        local = nullcontext(partial(processes, jobs=going.jobs))
+        with cluster(going.scheduler, going.workers) if clustered else local as measured:
+            done = run(found, self.out, tells, measured, going.retry == "failed", going.overwrite)
         return 1 if done["failed"] else 0
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
+from photonormal.batch.captures import natural
 from photonormal.batch.page import page
 from photonormal.batch.row import Row
 from photonormal.batch.state import Failure
@@ -72,8 +73,8 @@ class Summary:
         self._rows[name] = row(name, self.out / name)
 
     def rows(self) -> list[Row]:
-        """What failed comes first."""
-        return sorted(self._rows.values(), key=lambda row: row.state != "failed")
+        """What failed comes first, then in the order of names."""
+        return sorted(self._rows.values(), key=lambda row: (row.state != "failed", natural(row.capture)))
 
     def write(self) -> None:
         """Put the summary into the folder of the batch, at once, in place of the one before."""

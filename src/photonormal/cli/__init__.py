@@ -13,7 +13,7 @@ from typing import Any
 import tyro
 
 from photonormal import __version__
-from photonormal.cli.batching import Batch
+from photonormal.cli.batching import Batch, Watch
 from photonormal.cli.faults import fault, one_line
 from photonormal.cli.mapping import Convert, Integrate, Score
 from photonormal.cli.measuring import Measure, Methods
@@ -25,7 +25,7 @@ from photonormal.types import InputError
 
 COMMANDS = (
     *(Measure, Score, Integrate, Convert, Methods),
-    *(Batch,),
+    *(Batch, Watch),
     *(View, Export),
     *(Calibrate, Check, Intensities, Mask),
     *(Bench, Table, Figure, Report, Render, Train),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import sys
-from contextlib import nullcontext
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional
@@ -15,6 +16,11 @@ from tyro.conf import OmitArgPrefixes, Positional
 from photonormal.cli.kinds import Number, shown, tell
 from photonormal.cli.measuring import How, Written, of_job
 from photonormal.cli.photographs import Corrections, Files, Lights, Photographs, Read
+from photonormal.options import Positive
+
+if TYPE_CHECKING:
+    from photonormal.batch.work import Measured
+    from photonormal.job import Job
 
 
 @dataclass(frozen=True)
@@ -29,12 +35,23 @@ class Going:
     """Let the workers of a Dask cluster measure, which see the same folders: tcp://192.168.1.2:8786."""
     workers: Number = None
     """Let so many workers of a Dask cluster on this machine measure."""
-    retry: Annotated[Literal["", "failed"], shown("failed")] = ""
-    """Try again what has failed before."""
     overwrite: bool = False
     """Measure again what was measured with other options, and write beside what is no result of photonormal."""
     json_lines: bool = False
     """Print what happens as a JSON object in each line."""
+
+    def measured(self) -> AbstractContextManager[Measured]:
+        """What measures the captures: processes of this machine, or a cluster's workers."""
+        from photonormal.batch.cluster import cluster
+        from photonormal.batch.workers import run
+
+        if self.scheduler or self.workers:
+            return cluster(self.scheduler, self.workers)
+        return nullcontext(partial(run, jobs=self.jobs))
+
+    def tells(self) -> Callable[..., None]:
+        """What tells of events."""
+        return as_lines if self.json_lines else in_words
 
 
 @dataclass(frozen=True)
@@ -50,28 +67,63 @@ class Batch:
     results: OmitArgPrefixes[Written] = field(default_factory=Written)
     batch: OmitArgPrefixes[Going] = field(default_factory=Going)
 
+    retry: Annotated[Literal["", "failed"], shown("failed")] = ""
+    """Try again what has failed before."""
+
     def __call__(self) -> int:
         from photonormal.batch.captures import jobs
-        from photonormal.batch.cluster import cluster
         from photonormal.batch.run import run
-        from photonormal.batch.workers import run as processes
-        from photonormal.files.memory import allow
-        from photonormal.job import AUTO, Job
 
-        going, reading = self.batch, self.read.how()
-        allow(reading.pop("memory"))
-        sphere = AUTO if going.sphere == "auto" else going.sphere
-        if sphere and Path(sphere).is_dir():
-            sphere = str(Path(sphere).resolve())
-        how = of_job(self.method, self.results)
-        like = Job(Path(), self.out, reading, sphere=sphere, overwrite=going.overwrite, **how)
+        like, going = of_all(self), self.batch
         found = jobs(self.captures, self.out, like, kinds())
-        tells = as_lines if going.json_lines else in_words
-        clustered = going.scheduler or going.workers
-        local = nullcontext(partial(processes, jobs=going.jobs))
-        with cluster(going.scheduler, going.workers) if clustered else local as measured:
-            done = run(found, self.out, tells, measured, going.retry == "failed", going.overwrite)
+        with going.measured() as measured:
+            done = run(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)
         return 1 if done["failed"] else 0
+
+
+@dataclass(frozen=True)
+class Watch:
+    """Results of captures as they come into a folder, and the summary of all; Ctrl-C ends it."""
+
+    folder: Positional[Path]
+    """Folder that a folder for each capture comes into, such as a camera's."""
+    out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
+    """Folder for a folder of results for each capture, and the summary of all."""
+    settle: Annotated[Positive, tyro.conf.arg(metavar="SECONDS")] = 10.0
+    """How long no file of a capture must change before it is measured: more than between two photographs."""
+    read: Read = field(default_factory=Photographs)
+    method: OmitArgPrefixes[How] = field(default_factory=How)
+    results: OmitArgPrefixes[Written] = field(default_factory=Written)
+    batch: OmitArgPrefixes[Going] = field(default_factory=Going)
+
+    def __call__(self) -> int:
+        from photonormal.batch.captures import jobs
+        from photonormal.batch.run import run
+        from photonormal.batch.watch import watch
+
+        like, going = of_all(self), self.batch
+        with going.measured() as measured:
+
+            def measure(paths: Sequence[Path]) -> None:
+                found = jobs([str(path) for path in paths], self.out, like, {})
+                run(found, self.out, going.tells(), measured, overwrite=going.overwrite)
+
+            watch(self.folder, self.out, measure, self.settle)
+        return 0
+
+
+def of_all(command: Batch | Watch) -> Job:
+    """How all captures of a command are measured."""
+    from photonormal.files.memory import allow
+    from photonormal.job import AUTO, Job
+
+    going, reading = command.batch, command.read.how()
+    allow(reading.pop("memory"))
+    sphere = AUTO if going.sphere == "auto" else going.sphere
+    if sphere and Path(sphere).is_dir():
+        sphere = str(Path(sphere).resolve())
+    how = of_job(command.method, command.results)
+    return Job(Path(), command.out, reading, sphere=sphere, overwrite=going.overwrite, **how)
 
 
 def kinds() -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from xml.etree import ElementTree
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
+from photonormal import handover
 from photonormal.cli import main
 from photonormal.disk import at_once
 from photonormal.geometry import fibonacci_hemisphere
@@ -168,7 +170,8 @@ def result(tmp_path):
 def test_the_command_lists_the_formats_there_are(capsys):
     with pytest.raises(SystemExit):
         main(["export", "--help"])
-    assert f"{{{','.join(KINDS)}}}" in capsys.readouterr().out
+    words = re.findall(r"[\w-]+", capsys.readouterr().out)
+    assert set(handover.FORMATS) <= set(words)
 
 
 def test_a_result_becomes_a_file_or_nothing(result, tmp_path, capsys):

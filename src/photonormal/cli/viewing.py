@@ -9,7 +9,6 @@ from typing import Annotated, Literal
 from tyro.conf import Positional
 
 from photonormal.cli.kinds import File, FileOrFolder, Folder, Millimetres, Size, shown
-from photonormal.handover import FORMATS
 from photonormal.options import Port
 from photonormal.types import InputError
 
@@ -38,18 +37,19 @@ class View:
 
 @dataclass(frozen=True)
 class Export:
-    """A result for others: as one HTML file (--page), or in a format of other programs (--to, --out)."""
+    """A result for others: one HTML file (--page), other programs' formats (--to), or seen under other lights (--relit, --sweep)."""
 
     result: Positional[Path]
     """Folder that `measure` wrote."""
     page: File = None
     """HTML file to write, to relight, turn and measure the result without server or network."""
-    to: Annotated[str, shown(f"{{{','.join(FORMATS)}}}")] = ""
-    """Format of --out: ptm (luminance and colour) and ptm-rgb, .ptm files; hsh (9 terms) and hsh16, .rti files; relight
-    and relight-hsh, RelightLab's folders for the web; openlime and openlime-hsh, those with a page of OpenLIME;
-    gltf, a .glb file with mesh, colour, normal map and occlusion."""
+    to: Annotated[str, shown("FORMAT")] = ""
+    """Format of --out.
+    Relightable files: ptm (luminance and colour), ptm-rgb, hsh (9 terms), hsh16.
+    Relightable folders for the web: relight, relight-hsh; with a page: openlime, openlime-hsh.
+    For 3D programs: gltf (.glb: mesh, colour, normal map, occlusion); maps (a folder of pictures)."""
     out: FileOrFolder = None
-    """File or folder to write in the format of --to."""
+    """File or folder to write, where it is no page."""
     relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
     """Write a picture (.png) under a light from there in degrees: 0,30 is from the right, 90,30 from above."""
     sweep: bool = False
@@ -58,10 +58,14 @@ class Export:
     """What --relit and --sweep show: a fit to the photographs; or normals and albedo, matt, without cast shadows."""
     webp: bool = False
     """Of openlime: tiles of lossless WebP in place of JPEG."""
+    program: Literal["blender", "substance", "unreal"] = "blender"
+    """Of maps: who names them, and says whether green is up (blender) or down."""
+    tile: bool = False
+    """Of maps: they repeat, right edge to left one and lower edge to upper one."""
     capture: Folder = None
     """Its photographs, where they are no longer where its report says."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide, so that the page tells lengths in mm, and gltf is in metres."""
+    """Millimetres that a pixel is wide, so that page and maps tell lengths in mm, and gltf is in metres."""
     memory: Size = ""
     """How much memory may be used, such as 3GB; half of what is free by default."""
     overwrite: bool = False
@@ -94,6 +98,10 @@ class Export:
             from photonormal.handover.gltf import export_gltf
 
             return export_gltf(self.result, out, self.mm_per_px, self.overwrite)
+        if self.to == "maps":
+            from photonormal.handover.maps import export_maps
+
+            return export_maps(self.result, out, self.program, self.tile, self.mm_per_px, self.overwrite)
         if self.to:
             from photonormal.handover.relightable import export_relighting
 

@@ -5,4 +5,5 @@ from photonormal import relighting
 FORMATS = {  # name -> ending; folders have none
     **{name: kind.ending for name, kind in relighting.FORMATS.items()},
     "gltf": ".glb",
+    "maps": "",
 }

@@ -8,13 +8,13 @@ from typing import Any
 import cv2
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import distance_transform_edt
 
 from photonormal.disk import at_once
 from photonormal.export.mesh import FACES, display, faces, scale_of, step_for, vertices
 from photonormal.geometry import normalised
 from photonormal.handover.glb import INDICES, VERTICES, Buffer
 from photonormal.handover.opened import refuse
+from photonormal.handover.sheets import sheet, spread
 from photonormal.handover.surfaces import Relief, relief
 from photonormal.png import encode_png
 from photonormal.types import Surface, box_of
@@ -70,7 +70,7 @@ def encoded(found: Relief, most_faces: int) -> list[bytes]:
     }
     grid = np.zeros((*keep.shape, 2, 3))
     grid[keep] = np.stack([N, T], axis=1)
-    return buffer.file(mesh, _material(found, buffer, box, _spread(grid, keep), step))
+    return buffer.file(mesh, _material(found, buffer, box, spread(grid, keep), step))
 
 
 def _positions(found: Relief, step: int) -> Float[np.ndarray, "v 3"]:
@@ -95,17 +95,11 @@ def _tangents(N: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
     return normalised(np.where((T**2).sum(-1, keepdims=True) > 1e-12, T, [0.0, 0.0, 1.0]))
 
 
-def _spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Values everywhere: where they are unknown, the nearest known one's."""
-    nearest: Any = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return values[nearest[0], nearest[1]]
-
-
 def _seen_from_frames(
-    found: Relief, box: tuple[slice, slice], grid: Float[np.ndarray, "a b 2 3"], step: int
+    normals: Float[np.ndarray, "h w 3"], box: tuple[slice, slice], grid: Float[np.ndarray, "a b 2 3"], step: int
 ) -> Float[np.ndarray, "h w 3"]:
     """The normals of a box of pixels in the frames that a renderer interpolates between the mesh's vertices."""
-    n = _spread(found.normals.map[box], found.known[box])
+    n = normals.copy()
     columns = np.arange(box[1].start, box[1].stop)
     for y, row in enumerate(range(box[0].start, box[0].stop)):
         N, T = normalised(_between(grid, np.full(len(columns), row / step), columns / step)).swapaxes(0, 1)
@@ -126,18 +120,11 @@ def _between(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> Float[np.
 
 
 def _material(found: Relief, buffer: Buffer, box: tuple[slice, slice], grid: np.ndarray, step: int) -> dict[str, Any]:
-    known = found.known[box]
-    colour = display(_fitting(_spread(found.albedo[box], known)))
-    normals = normalised(_fitting(_seen_from_frames(found, box, grid, step)).astype(np.float64))
-    packed = np.broadcast_to(
-        np.array([1, 1, 0], np.float32), (*known.shape, 3)
-    ).copy()  # occlusion, roughness, metalness
-    for channel, values in enumerate((found.openness(), found.roughness, found.metalness)):
-        if values is not None:
-            packed[..., channel] = _spread(values[box], known)
-    others = buffer.picture(encode_png(np.rint(255 * _fitting(packed).clip(0, 1)).astype(np.uint8)))
+    layers = sheet(found, MARGIN)
+    normals = normalised(_fitting(_seen_from_frames(layers.normals, box, grid, step)).astype(np.float64))
+    others = buffer.picture(encode_png(np.rint(255 * _fitting(layers.packed()).clip(0, 1)).astype(np.uint8)))
     rough: dict[str, Any] = {
-        "baseColorTexture": buffer.picture(encode_png(colour)),
+        "baseColorTexture": buffer.picture(encode_png(display(_fitting(layers.colour)))),
         "metallicFactor": 0 if found.metalness is None else 1,
         "roughnessFactor": 1,
     }

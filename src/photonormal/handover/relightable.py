@@ -35,7 +35,7 @@ def export_relighting(
     """
     refuse(kind, out, overwrite)
     photographs, read = photographs_needed(result, capture, f"{kind} is")
-    refuse(kind, out, overwrite, read)
+    refuse(kind, out, overwrite, [result, *read])
     if FORMATS[kind].ending:
         with at_once(out.parent) as batch:
             files.write(photographs, kind, batch / out.name)

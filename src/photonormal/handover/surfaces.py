@@ -9,11 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.export import load_normals
-from photonormal.export.heights import heights_px, read_depth
+from photonormal.export.heights import read_depth
 from photonormal.export.pictures import read_albedo
 from photonormal.files.decode import decode, full_scale
-from photonormal.handover.occlusion import openness
-from photonormal.types import InputError, Normals, Surface, box_of
+from photonormal.types import InputError, Normals, Surface
 from photonormal.view.result import mm_per_px_of, report_of
 
 MATERIAL = ("roughness.png", "metalness.png")
@@ -42,12 +41,6 @@ class Relief:
     def known(self) -> np.ndarray:
         """(h, w) bool: pixels with depth and a normal."""
         return self.surface.mask & np.isfinite(self.surface.depth) & self.normals.mask
-
-    def openness(self) -> Float[np.ndarray, "h w"]:
-        """See `photonormal.handover.occlusion`; 1 outside the box of what is known."""
-        found, box = np.ones(self.known.shape, np.float32), box_of(self.known)
-        found[box] = openness(heights_px(self.surface)[box], self.normals.map[box])
-        return found
 
 
 def relief(result: Path, mm_per_px: float | None = None) -> Relief:

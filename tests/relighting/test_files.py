@@ -212,7 +212,8 @@ def test_a_result_becomes_a_folder_for_the_web_or_nothing(result, tmp_path, caps
     assert main(["export", str(result), "--to", "relight", "--out", str(web_folder), "--overwrite"]) == 0
     refused("--to", "relight", "--out", result / "report.json", says="is a file")
     refused("--to", "relight", "--out", tmp_path / "ball", "--overwrite", says="is read here")
-    refused("--to", "relight", "--out", lime, "--webp", says="openlime")
+    for words in (("--to", "relight", "--webp"), ("--to", "gltf", "--tile"), ("--to", "ptm", "--program", "unreal")):
+        refused(*words, "--out", lime, says=f"{words[2]} came without --to")
     assert main(["export", str(result), "--to", "openlime-hsh", "--out", str(lime)]) == 0
     assert "info.json" in (lime / "index.html").read_text() and len(list(lime.glob("plane_*.jpg"))) == 9
     monkeypatch.setattr(web, "LARGEST", 20)

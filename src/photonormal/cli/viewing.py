@@ -37,7 +37,7 @@ class View:
 
 @dataclass(frozen=True)
 class Export:
-    """A result for others: one HTML file (--page), other programs' formats (--to), or seen under other lights (--relit, --sweep)."""
+    """A result for others: as an HTML file (--page), for other programs (--to), or relit (--relit, --sweep)."""
 
     result: Positional[Path]
     """Folder that `measure` wrote."""
@@ -93,6 +93,13 @@ class Export:
     def _handed_on(self, out: Path) -> Path:
         from photonormal.files.memory import allow
 
+        for given, option, formats in (
+            (self.tile, "--tile", ("maps",)),
+            (self.program != "blender", "--program", ("maps",)),
+            (self.webp, "--webp", ("openlime", "openlime-hsh")),
+        ):
+            if given and self.to not in formats:
+                raise InputError(f"{option} came without --to {formats[0]}, which alone takes it; leave it out.")
         allow(self.memory)
         if self.to == "gltf":
             from photonormal.handover.gltf import export_gltf

@@ -26,7 +26,7 @@ class Relief:
     ----------
     normals, surface : of the whole frame
     albedo : (h, w, 3) linear, from 0 to 1
-    roughness, metalness : (h, w) from 0 to 1, None where the result has none
+    roughness, metalness : (h, w) from 0 to 1, None where the result has none; rough where nothing is known
     mm_per_px : millimetres that a pixel is wide, None where that is unknown
     """
 
@@ -44,7 +44,7 @@ class Relief:
 
 
 def relief(result: Path, mm_per_px: float | None = None) -> Relief:
-    """Read a result; `roughness.png` and `metalness.png` where it has them.
+    """Read a result; `roughness.png`, whose 0 means unknown, and `metalness.png` where it has them.
 
     Raises
     ------
@@ -65,6 +65,8 @@ def relief(result: Path, mm_per_px: float | None = None) -> Relief:
             raise InputError(
                 f"{result / name} is {found.shape[:2]} but normals.npz beside it is {frame}; measure again."
             )
+    if roughness is not None:
+        roughness = np.where(roughness > 0, roughness, np.float32(1))
     unit = mm_per_px_of(report, result) if mm_per_px is None else mm_per_px
     found = Relief(normals, surface, albedo, roughness, metalness, unit)
     if not found.known.any():

@@ -31,7 +31,7 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
     Parameters
     ----------
     kind : a key of FORMATS that is a folder
-    webp : pictures are lossless WebP, as tiles: OpenLIME takes whole pictures for JPEG
+    webp : OpenLIME's pictures are lossless WebP, as tiles: it takes whole pictures for JPEG
 
     Raises
     ------
@@ -41,9 +41,8 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
     fit = Fit(capture, FORMATS[kind].basis)
     (h, w), k = fit.size, fit.terms
     openlime = kind.startswith("openlime")
-    if webp and not openlime:
-        raise InputError(f"--webp came with --to {kind}, whose pictures are JPEG; leave it out, or choose openlime.")
-    tiled = openlime and (webp or max(h, w) > TEXTURE)
+    webp = webp and openlime
+    tiled = webp or (openlime and max(h, w) > TEXTURE)
     if not tiled and max(h, w) > LARGEST:
         raise InputError(
             f"the pictures would have {w} x {h} pixels but JPEG ends at {LARGEST}; choose --to openlime, which writes "

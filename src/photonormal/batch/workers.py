@@ -12,7 +12,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
-from typing import Any
 
 from photonormal import progress
 from photonormal.batch.captures import Named
@@ -39,7 +38,8 @@ class Worker:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, threads, nbytes), daemon=True)
-        self.process.start()
+        with _without_ctrl_c():
+            self.process.start()
         theirs.close()
         self.named: Named | None = None
 
@@ -89,11 +89,25 @@ def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None)
         _end(workers)
 
 
+@contextlib.contextmanager
+def _without_ctrl_c() -> Iterator[None]:
+    """A process that begins in the block never hears of Ctrl-C, not even while it is loading."""
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _end(workers: Sequence[Worker]) -> None:
-    """End processes as cleanly as Ctrl-C ends a command; at last in any way."""
+    """End processes: idle ones at once, others as cleanly as Ctrl-C ends a command; at last in any way."""
     for worker in workers:
         worker.pipe.close()
-        worker.process.terminate()
+        if worker.named is not None:
+            worker.process.terminate()
     deadline = time.monotonic() + PATIENCE_S
     for worker in workers:
         worker.process.join(max(0.0, deadline - time.monotonic()))
@@ -110,7 +124,18 @@ def _ended_early(named: Named, code: int | None) -> Outcome:
 
 
 def _serve(pipe: Connection, threads: int, nbytes: int) -> None:
-    """A process of the batch: captures come through the pipe, outcomes go."""
+    """A process of the batch, until its pipe or a signal ends it."""
+    code = 1
+    try:
+        _answer(pipe, threads, nbytes)
+    except (EOFError, OSError, KeyboardInterrupt):
+        code = 0
+    finally:
+        os._exit(code)  # without the libraries' last acts, which a signal would disturb
+
+
+def _answer(pipe: Connection, threads: int, nbytes: int) -> None:
+    """Captures come through the pipe, outcomes go."""
     began(threads)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     memory.allow(f"{nbytes // 10**6}MB")
@@ -125,14 +150,11 @@ def _serve(pipe: Connection, threads: int, nbytes: int) -> None:
                 pipe.send((title, done, total))
 
     progress.tell_to(tell)
-    try:
-        while True:
-            named: Named = pipe.recv()
-            outcome: Any = work(named)
-            with one_at_a_time:
-                pipe.send(outcome)
-    except (EOFError, OSError, KeyboardInterrupt):
-        return
+    while True:
+        named: Named = pipe.recv()
+        outcome = work(named)
+        with one_at_a_time:
+            pipe.send(outcome)
 
 
 def began(threads: int) -> None:

@@ -174,6 +174,17 @@ class Capture:
         """A part of image `j`, as `window_of` reads it."""
         return window_of(self.images, j, rows, columns)
 
+    def samples(self, rows: slice, columns: slice, on: Mask) -> Float[np.ndarray, "p n c"]:
+        """What all images show of the pixels `on` of a window, float32."""
+        n, _, _, c = self.images.shape
+        shown = np.empty((int(on.sum()), n, c), np.float32)
+
+        def read(j: int) -> None:
+            shown[:, j] = self.window(j, rows, columns)[on]
+
+        self.each_image(read)
+        return shown
+
     def each_image(self, f: Callable[[int], T]) -> list[T]:
         """``f(j)`` of every image, in order; by as many threads as there are cores."""
         with ThreadPoolExecutor(cores()) as pool:

@@ -42,3 +42,24 @@ def test_the_albedo_is_the_same_to_the_bit_in_whatever_order_pictures_are_decode
 def test_a_damaged_picture_among_others_ends_in_its_error(capture):
     with pytest.raises(InputError, match="damaged"):
         lambertian_albedo(slow(capture, 0, damaged=3), capture.truth)
+
+
+def test_highlights_and_shadows_do_not_change_the_albedo_where_most_lights_show_neither():
+    truth, lights = sphere(32), ring(24, elevation_deg=50)
+    matt = lambertian(truth, lights)
+    half = lights + np.array([0, 0, 1])
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    shine = 5 * np.einsum("hwc,nc->nhw", truth.map, half).clip(0) ** 200
+    images = (np.asarray(matt.images) + shine[..., None]).astype(np.float32)
+    images[3:6, :, 16:] = 0.01  # in a shadow
+    found = lambertian_albedo(Capture(images, truth.mask, lights), truth)[..., 0]
+    seen = (np.asarray(matt.images)[..., 0] > 0).sum(0) > 18
+    plain = (images[..., 0] * np.asarray(matt.images)[..., 0]).sum(0)[seen] / 0.7
+    plain /= (np.asarray(matt.images)[..., 0] ** 2).sum(0)[seen] / 0.49
+    assert np.quantile(np.abs(plain - 0.7), 0.9) > 0.1  # what least squares say
+    assert np.quantile(np.abs(found[seen] - 0.7), 0.9) < 0.01
+
+
+def test_of_a_matt_surface_the_albedo_is_exact():
+    matt = lambertian(sphere(24), ring(12))
+    assert np.abs(lambertian_albedo(matt, matt.truth)[matt.mask] - 0.7).max() < 1e-5

@@ -96,7 +96,10 @@ def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
 def fitted(
     s: Samples, roughness: Float[Tensor, " p"]
 ) -> tuple[Float[Tensor, "p c"], Float[Tensor, "p c"], Bool[Tensor, " p"]]:
-    """Albedo and F0, neither below zero, at a given roughness; and where the lights show a highlight that fits."""
+    """Albedo and F0, neither below zero, at a given roughness; and where the lights show a highlight that fits.
+
+    Elsewhere F0 is zero.
+    """
     matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
     wm, wg = s.w * matt, s.w * g
     mm, gg, gm = ((a * b).sum(1, keepdim=True).clamp(min=1e-12) for a, b in ((wm, matt), (wg, g), (wm, g)))
@@ -110,10 +113,12 @@ def fitted(
         model = matt[..., None] * rho[:, None] + g[..., None] * F0[:, None]  # (p, n, c)
         return (s.w[..., None] * (s.I - model).square()).sum((1, 2))
 
-    explained = left(rho, F0) < (1 - EXPLAINED) * left(Im / mm, torch.zeros_like(F0))
+    alone = Im / mm
+    explained = left(rho, F0) < (1 - EXPLAINED) * left(alone, torch.zeros_like(F0))
     lit = s.w > 0
     a2 = roughness[:, None] ** 4
     near = (a2 / ((a2 - 1) * s.cos_h.square() + 1)).square() > FLANK  # of D over its peak
     brightest = (rho.mean(-1, keepdim=True) * matt * lit).amax(1, keepdim=True)
     shown = lit & near & (F0.mean(-1, keepdim=True) * g > FAINT * brightest)
-    return rho, F0, shown.any(1) & explained & (roughness < BROADEST)
+    told = shown.any(1) & explained & (roughness < BROADEST)
+    return torch.where(told[:, None], rho, alone), F0 * told[:, None], told

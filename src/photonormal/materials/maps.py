@@ -70,7 +70,6 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     fits = [fitted(samples(*part), r) for part, r in zip(seen, roughness, strict=True)]
     rho, F0, shown = (torch.cat(values) for values in zip(*fits, strict=True))
     roughness = torch.where(shown, torch.cat(roughness), torch.nan)
-    F0 = F0 * shown[:, None]
     kept = np.zeros_like(on)
     kept[rows.start - around.start : rows.stop - around.start] = True
     kept, mine = kept & on, torch.from_numpy(kept[on])
@@ -87,19 +86,10 @@ def _seen(
     capture: Capture, normals: Normals, rows: slice, columns: slice
 ) -> Iterator[tuple[Tensor, Tensor, Tensor, Tensor]]:
     """Radiance, normals, lights and which samples are saturated of the normals' pixels in a window, some at a time."""
-    n, _, _, c = capture.images.shape
     on, asked = normals.mask[rows, columns], capture.mask[rows, columns]
-    I = torch.empty(int(on.sum()), n, c)
-    saturated = torch.zeros(len(I), n, dtype=torch.bool)
-
-    def read(j: int) -> None:
-        picture = torch.from_numpy(capture.window(j, rows, columns)[on])
-        I[:, j] = picture
-        if capture.saturation is not None:
-            white = torch.from_numpy(np.asarray(capture.saturation[j], np.float32))
-            saturated[:, j] = (picture >= SATURATED * white).any(-1)
-
-    capture.each_image(read)
+    I = torch.from_numpy(capture.samples(rows, columns, on))  # (p, n, c)
+    white = np.inf if capture.saturation is None else np.asarray(capture.saturation, np.float32)
+    white = torch.as_tensor(SATURATED * white)  # (n, c)
     N = torch.from_numpy(normals.map[rows, columns][on])
     numbers = int(np.count_nonzero(capture.mask[: rows.start])) + np.flatnonzero(on[asked])  # on the capture's mask
     lights = torch.from_numpy(capture.known_lights().astype(np.float32))
@@ -107,7 +97,7 @@ def _seen(
         part = slice(first, first + PIXELS)
         if capture.lights_at is not None:
             lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
-        yield I[part], N[part], lights, saturated[part]
+        yield I[part], N[part], lights, (I[part] >= white).any(-1)
 
 
 def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"]) -> Float[Tensor, " p"]:

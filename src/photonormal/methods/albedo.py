@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -12,11 +10,16 @@ from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.types import Capture, Normals, box_of
 
+ROUNDS = 4  # after least squares
+SPREAD = 0.1  # of samples about the albedo, over what it shows: what is farther off is a highlight or a shadow
+PIXELS = 2**12  # worked on at a time: they fit into a cache
+
 
 def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "h w 3"]:
-    """Albedo of each channel, zero outside: argmin over rho of sum_j (I_j - rho s_j)^2 with s_j = max(n.l_j, 0).
+    """Albedo of each channel, zero outside, without highlights and shadows where most lights show neither.
 
-    Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1). Highlights brighten it.
+    Least squares of I_j = rho s_j with s_j = max(n.l_j, 0), then again with Cauchy's weights: samples count less the
+    farther they are off. Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1).
     """
     capture = seen_as_distant(capture, normals)
     solved = taken(normals.mask, capture.mask)
@@ -41,25 +44,29 @@ def _albedo(
     on: Bool[np.ndarray, "h w"],
 ) -> Float[np.ndarray, "p c"]:
     """That of a window's pixels `on`, whose numbers on the mask are `pixels`."""
-    if capture.lights_at is None:
-        cos = N @ capture.known_lights().T.astype(np.float32)  # (p, n)
-    else:
-        cos = np.einsum("pi,pni->pn", N, capture.lights_at[pixels])
-    S = np.maximum(cos, 0)
-    weighted = np.zeros((len(N), capture.images.shape[3]), np.float32)
-    turns, turn = threading.Condition(), 0  # added in order, or the last bits would differ from run to run
+    I = capture.samples(*window, on)  # (p, n, c)
+    albedo = np.empty((len(N), I.shape[2]), np.float32)
+    for first in range(0, len(N), PIXELS):
+        some = slice(first, first + PIXELS)
+        if capture.lights_at is None:
+            cos = N[some] @ capture.known_lights().T.astype(np.float32)  # (p, n)
+        else:
+            cos = np.einsum("pi,pni->pn", N[some], capture.lights_at[pixels[some]])
+        albedo[some] = _robust(I[some], np.maximum(cos, 0))
+    return albedo
 
-    def add(j: int) -> None:
-        nonlocal turn
-        part = np.float32(0)
-        try:
-            part = S[:, j, None] * capture.window(j, *window)[on]
-        finally:  # after an error, too: the next ones wait
-            with turns:
-                turns.wait_for(lambda: turn == j)
-                weighted.__iadd__(part)
-                turn += 1
-                turns.notify_all()
 
-    capture.each_image(add)
-    return weighted / np.maximum((S**2).sum(1, keepdims=True), 1e-6)
+def _robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p c"]:
+    Y = I.mean(-1)
+    weighted = S
+    rho = _least_squares(I, S, weighted)
+    for _ in range(ROUNDS):
+        shown = rho.mean(-1, keepdims=True) * S
+        weighted = S / (1 + ((Y - shown) / np.maximum(SPREAD * shown, 1e-9)) ** 2)
+        rho = _least_squares(I, S, weighted)
+    return rho
+
+
+def _least_squares(I: np.ndarray, S: np.ndarray, weighted: np.ndarray) -> Float[np.ndarray, "p c"]:
+    """argmin over rho of sum_j w_j (I_j - rho s_j)^2, for w s."""
+    return (weighted[:, None] @ I)[:, 0] / np.maximum((weighted * S).sum(1, keepdims=True), 1e-6)

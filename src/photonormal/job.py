@@ -44,7 +44,7 @@ class Job:
     refine_lights : whether lights are mended by what the photographs show
     normals_frame, linear_albedo, mesh_faces : as for `photonormal.export.result.write_result`
     sphere : where lights are found from a mirror sphere: "AUTO": in the photographs themselves, where they show one; or
-        a folder, inside the capture's or for all captures; "": nowhere
+        a folder; "": nowhere
     overwrite : write into a folder that exists and is no result of photonormal
     """
 
@@ -150,12 +150,10 @@ def _read(job: Job, opened: dict[Path, Stamp]) -> tuple[Capture, dict[str, Any],
     if not job.sphere:
         return load(job.capture, **job.reading), job.reading, Calibrated()
     folder = job.capture if job.capture.is_dir() else job.capture.parent
-    inside = folder / job.sphere
-    place = job.sphere if job.sphere == AUTO else inside if inside.is_dir() else Path(job.sphere)
     with tempfile.TemporaryDirectory(prefix="photonormal-") as made:
         lights = Path(made) / "sphere.lp"
         try:
-            report = calibrate(folder, [place], lights)
+            report = calibrate(folder, [job.sphere], lights)
         except InputError as error:
             refusal = str(error).removesuffix(f" {lights.with_name('sphere_refused.png')} shows it.")
             if job.sphere != AUTO:

@@ -6,6 +6,7 @@ import os
 import shutil
 
 import numpy as np
+import pytest
 
 import photonormal as pn
 from photonormal.batch import state
@@ -133,3 +134,12 @@ def test_events_are_lines_of_json(season, tmp_path, here, batch):
     assert [e["event"] for e in events[1:-1]] == ["begun", "done", "begun", "failed", "begun", "done"]
     assert events[4]["capture"] == "vase-1" and events[4]["kind"] == "input" and "truncated" in events[4]["message"]
     assert events[-1]["measured"] == 2 and events[-1]["failed"] == 1
+
+
+def test_the_parquet_table_is_the_csv_table(season, tmp_path, here, batch):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    cut(season / "vase-1" / "003.png")
+    batch()
+    found = parquet.read_table(tmp_path / "results" / "summary.parquet").to_pylist()
+    told = rows(tmp_path / "results")
+    assert [{k: "" if v is None else str(v) for k, v in row.items()} for row in found] == list(told.values())

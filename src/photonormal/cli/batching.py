@@ -115,15 +115,12 @@ class Watch:
 def of_all(command: Batch | Watch) -> Job:
     """How all captures of a command are measured."""
     from photonormal.files.memory import allow
-    from photonormal.job import AUTO, Job
+    from photonormal.job import Job
 
     going, reading = command.batch, command.read.how()
     allow(reading.pop("memory"))
-    sphere = AUTO if going.sphere == "auto" else going.sphere
-    if sphere and Path(sphere).is_dir():
-        sphere = str(Path(sphere).resolve())
     how = of_job(command.method, command.results)
-    return Job(Path(), command.out, reading, sphere=sphere, overwrite=going.overwrite, **how)
+    return Job(Path(), command.out, reading, sphere=going.sphere, overwrite=going.overwrite, **how)
 
 
 def kinds() -> dict[str, Any]:

@@ -139,7 +139,8 @@ def main() -> None:
             print(f"{seed} {kind:9}", " ".join(f"{k} {v:.2f}" for k, v in row.items()), flush=True)
     print(f"\n{'normals':9}", *(f"{name:>10}" for name in rows[kinds[0]][0]))
     for kind, found in rows.items():
-        means = [np.nanmean([row[name] for row in found]) for name in found[0]]
+        columns = [np.array([row[name] for row in found]) for name in found[0]]
+        means = [np.mean(v[np.isfinite(v)]) for v in columns]
         print(f"{kind:9}", *(f"{100 * v:9.1f}%" for v in means))
 
 

@@ -93,6 +93,17 @@ def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
     return values - values.amax(1, keepdim=True)
 
 
+def likeliest(values: Float[Tensor, "p r"]) -> Float[Tensor, " p"]:
+    """The roughness at the top of the parabola through the largest of the log-likelihoods and its neighbours."""
+    k = values.argmax(1, keepdim=True)
+    inner = k.clamp(1, values.shape[1] - 2)
+    a, b, c = (values.gather(1, inner + i)[:, 0] for i in (-1, 0, 1))
+    bend = (2 * b - a - c).clamp(min=1e-12)
+    between = torch.where(k == inner, (0.5 * (c - a) / bend)[:, None].clamp(-0.5, 0.5), 0.0)
+    log = ROUGHNESS.log()
+    return torch.exp(log[k] + between * (log[1] - log[0]))[:, 0]
+
+
 def fitted(
     s: Samples, roughness: Float[Tensor, " p"]
 ) -> tuple[Float[Tensor, "p c"], Float[Tensor, "p c"], Bool[Tensor, " p"]]:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.masked import row_bands
-from photonormal.materials.lobes import ROUGHNESS, fitted, log_likelihood, samples
+from photonormal.materials.lobes import ROUGHNESS, fitted, likeliest, log_likelihood, samples
 from photonormal.materials.neighbours import RADIUS, pooled
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
@@ -65,7 +65,7 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     colour = torch.zeros(*on.shape, capture.images.shape[3])
     likelihood[where] = torch.cat([log_likelihood(samples(*part)) for part in seen])
     colour[where] = torch.cat([samples(*part).albedo for part in seen])
-    roughness = ROUGHNESS[pooled(likelihood, colour)[where].argmax(1)].split([len(part[0]) for part in seen])
+    roughness = likeliest(pooled(likelihood, colour)[where]).split([len(part[0]) for part in seen])
     del likelihood
     fits = [fitted(samples(*part), r) for part, r in zip(seen, roughness, strict=True)]
     rho, F0, shown = (torch.cat(values) for values in zip(*fits, strict=True))

@@ -11,6 +11,7 @@ from photonormal.provenance import Made, made_by
 from photonormal.types import InputError
 
 RESERVED = ("truth",)  # folder of a run that is no method's
+SLOW = ("irps",)  # minutes an object: run by name only
 
 
 @dataclass(frozen=True)
@@ -35,14 +36,15 @@ class Entry:
 
 
 def entries(text: str) -> list[Entry]:
-    """Entries from ``a,b`` or ``all``; an entry is ``method``, ``label=method`` or ``label=method:option=value:...``.
+    """Entries from ``a,b`` or ``all`` (but those that take minutes an object); an entry is ``method``, ``label=method`` or ``label=method:option=value:...``.
 
     Raises
     ------
     InputError
         If a method or option does not exist, a value can't be read, or two entries have one name.
     """
-    parts = list(METHODS) if text.strip() == "all" else [p.strip() for p in text.split(",") if p.strip()]
+    everything = [name for name in METHODS if name not in SLOW]
+    parts = everything if text.strip() == "all" else [p.strip() for p in text.split(",") if p.strip()]
     if not parts:
         raise InputError("--methods is empty; name methods like woodham,l1, or all.")
     found = [_entry(part) for part in parts]

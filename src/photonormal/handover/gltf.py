@@ -68,7 +68,7 @@ def encoded(found: Relief, most_faces: int) -> list[bytes]:
         },
         "indices": buffer.array(faces(keep).astype(np.uint32).reshape(-1, 1), INDICES),
     }
-    grid = np.zeros((*keep.shape, 2, 3))
+    grid = np.zeros((*keep.shape, 2, 3), np.float32)
     grid[keep] = np.stack([N, T], axis=1)
     return buffer.file(mesh, _material(found, buffer, box, spread(grid, keep), step))
 
@@ -98,21 +98,24 @@ def _tangents(N: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
 def _seen_from_frames(
     normals: Float[np.ndarray, "h w 3"], box: tuple[slice, slice], grid: Float[np.ndarray, "a b 2 3"], step: int
 ) -> Float[np.ndarray, "h w 3"]:
-    """The normals of a box of pixels in the frames that a renderer interpolates between the mesh's vertices."""
-    n = normals.copy()
-    columns = np.arange(box[1].start, box[1].stop)
-    for y, row in enumerate(range(box[0].start, box[0].stop)):
-        N, T = normalised(_between(grid, np.full(len(columns), row / step), columns / step)).swapaxes(0, 1)
+    """Normals of a box of pixels, reduced or not, in the frames that a renderer interpolates between the vertices."""
+    rows, columns = (
+        (side.start - 0.5 + (np.arange(n) + 0.5) * (side.stop - side.start) / n) / step
+        for side, n in zip(box, normals.shape[:2], strict=True)
+    )
+    seen = np.empty_like(normals)
+    for y, n in enumerate(normals):
+        N, T = normalised(_between(grid, np.full(len(columns), rows[y]), columns)).swapaxes(0, 1)
         B = normalised(np.cross(N, T))
-        c, t, b, z = ((u * v).sum(-1) for u, v in ((N, T), (n[y], T), (n[y], B), (n[y], N)))
-        n[y] = np.stack([(t - c * z) / (1 - c * c), b, (z - c * t) / (1 - c * c)], axis=-1)
-    return normalised(n)
+        c, t, b, z = ((u * v).sum(-1) for u, v in ((N, T), (n, T), (n, B), (n, N)))
+        seen[y] = normalised(np.stack([(t - c * z) / (1 - c * c), b, (z - c * t) / (1 - c * c)], axis=-1))
+    return seen
 
 
 def _between(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> Float[np.ndarray, "p 3"]:
     """Values on a grid between its points, linear in the two triangles of each square, as `faces` parts it."""
     last = np.array(grid.shape[:2]) - 1
-    r, c = (np.minimum(v.astype(int), np.maximum(m - 1, 0)) for v, m in zip((row, column), last, strict=True))
+    r, c = (v.astype(int).clip(0, max(m - 1, 0)) for v, m in zip((row, column), last.tolist(), strict=True))
     below, beside = np.minimum(r + 1, last[0]), np.minimum(c + 1, last[1])
     y, x = ((v - i).clip(0, 1)[:, None, None] for v, i in zip((row, column), (r, c), strict=True))
     a, b, c_, d = grid[r, c], grid[r, beside], grid[below, c], grid[below, beside]
@@ -121,7 +124,7 @@ def _between(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> Float[np.
 
 def _material(found: Relief, buffer: Buffer, box: tuple[slice, slice], grid: np.ndarray, step: int) -> dict[str, Any]:
     layers = sheet(found, MARGIN)
-    normals = normalised(_fitting(_seen_from_frames(layers.normals, box, grid, step)).astype(np.float64))
+    normals = _seen_from_frames(_fitting(layers.normals), box, grid, step)
     others = buffer.picture(encode_png(np.rint(255 * _fitting(layers.packed()).clip(0, 1)).astype(np.uint8)))
     rough: dict[str, Any] = {
         "baseColorTexture": buffer.picture(encode_png(display(_fitting(layers.colour)))),

@@ -143,3 +143,10 @@ def test_the_parquet_table_is_the_csv_table(season, tmp_path, here, batch):
     found = parquet.read_table(tmp_path / "results" / "summary.parquet").to_pylist()
     told = rows(tmp_path / "results")
     assert [{k: "" if v is None else str(v) for k, v in row.items()} for row in found] == list(told.values())
+
+
+def test_a_method_that_there_is_not_is_refused_before_anything(season, tmp_path, here, batch):
+    (season / "list.csv").write_text("capture,method\nvase-0,\nvase-1,woodhm\n")
+    code, out, err = batch(captures=[season / "list.csv"])
+    assert (code, out, err.count("\n")) == (2, "", 1) and "no method 'woodhm'" in err
+    assert not (tmp_path / "results").exists()

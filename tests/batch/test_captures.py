@@ -27,11 +27,14 @@ def names(*captures, **like):
     return [named.name for named in found(*captures, **like)]
 
 
-def test_names_are_paths_below_the_fixed_part(place):
+def test_names_are_paths_below_the_fixed_part(place, monkeypatch):
     assert names("season/*", sphere="season/sphere") == ["1", "2", "10", "dome"]
     assert names("season/*/front") == ["1/front", "2/front", "10/front"]
     assert names("season/1/front", "season/2/front") == ["1/front", "2/front"]  # as a shell gives them
     assert names("season/1", "season/1", "season/dome.lp") == ["1", "dome"]
+    monkeypatch.chdir("season/1")
+    assert names(".") == ["1"]
+    monkeypatch.chdir("../..")
     assert found("season/1/*")[0].job.out == Path("season/results/back")
 
 

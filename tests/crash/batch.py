@@ -125,6 +125,8 @@ def main() -> int:
             for fault in season.kill(one_process=k % 2 == 1):
                 faults += 1
                 print(f"kill {k + 1}: {fault}", flush=True)
+            if (k + 1) % 4 == 0:
+                print(f"{k + 1} kills, {faults} faults so far: {dict(season.states)}", flush=True)
         print(f"{given.kills} kills, {faults} faults; after them: {dict(season.states)}")
     return 1 if faults else 0
 

@@ -56,8 +56,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
             found += _listed(path, kinds)
             continue
         matched = [path] if os.path.lexists(path) else _matched(text, out, like.sphere)
-        base = path.parent if os.path.lexists(path) else _fixed(text)
-        fixed.append(base)
+        fixed.append(Path(os.path.abspath(path)).parent if os.path.lexists(path) else _fixed(text))
         found += [(p, "", {}) for p in matched]
     base = Path(os.path.commonpath([os.path.abspath(p) for p in fixed])) if fixed else Path()
     named: dict[str, Named] = {}

@@ -43,8 +43,11 @@ def run(
     Raises
     ------
     InputError
-        If `out` holds other things, or results of other options, without `overwrite`. Nothing has been measured then.
+        If there is no such method or option, or `out` holds other things, or results of other options, without
+        `overwrite`. Nothing has been measured then.
     """
+    for named in captures:
+        named.job.made()  # there is such a method
     states = {named.name: state_of(named.job) for named in captures}
     others = [(name, s) for name, s in states.items() if s.kind == "options"]
     if others and not overwrite:

@@ -134,7 +134,8 @@ def as_lines(event: str, **what: Any) -> None:
     """An event as a line of JSON on standard output."""
     import json
 
-    print(json.dumps({"event": event, **what}, default=str), flush=True)
+    sys.stdout.write(json.dumps({"event": event, **what}, default=str) + "\n")  # at once: threads tell, too
+    sys.stdout.flush()
 
 
 def in_words(event: str, **what: Any) -> None:

@@ -1,11 +1,14 @@
 """The doctor's rates: how often a right capture is blamed, and how often what was done to one is found.
 
-    python benchmarks/doctor.py [--count 40] [--seed 1] [--kinds plate,coin,...] [--faults right,frame,...] [--size 112]
+    python benchmarks/doctor.py [--count 40] [--seed 1] [--kinds plate,coin,...] [--faults right,sRGB,...] [--size 112]
 
 Renders captures of flat reliefs (plates, plaques, coins, tablets, weaves) and of objects, matt and glossy, plain and
 textured, with noise, of 8 and 16 bits, with rectangular and round masks, masks of an outline, and none. Each is judged
 as it is, where any finding about lights, encoding or motion is a false alarm, and with one thing wrong at a time. A
-fault is found where a finding of its kind is given; corrected lights more than 10 degrees off are wrong ones.
+fault is found where a finding of its kind is given; corrected lights more than 10 degrees off are wrong ones. "Tells"
+counts captures that a matt surface explains at least a tenth better without the fault: elsewhere shading can't tell it.
+
+    --glossy renders no matt materials, and 16 bits only: what must not be taken for sRGB.
 """
 
 from __future__ import annotations
@@ -18,8 +21,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
-from photonormal.doctor import check
+from photonormal.doctor import check, samples
 from photonormal.doctor.frame import Frame
+from photonormal.doctor.misfit import Pixels
 from photonormal.geometry import angle_deg, normalised
 from photonormal.synth import recipe
 from photonormal.synth.lights import draw_lights
@@ -32,9 +36,20 @@ from photonormal.types import Capture, Normals
 
 RELIEFS = ("plate", "plaque", "coin", "tablet", "weave")
 KINDS = (*RELIEFS, "object")
-MATERIALS = (0.65, 0, 0, 0, 0, 0.35)  # principled ones, and matt ones
 RIGS = ("dome", "rings", "stage", "cone", "grid", "box")
 GROUND = 0.02  # level of what lies around an object
+TELLS = 0.9  # of a matt surface's misfit with a fault, that is left without it, where shading tells
+
+
+@dataclass(frozen=True)
+class Look:
+    """How likely each kind of material is, principled ones first and matt ones last, and bits of the files."""
+
+    materials: tuple[float, ...]
+    bits: tuple[int, ...]
+
+
+USUAL, GLOSSY = Look((0.65, 0, 0, 0, 0, 0.35), (8, 16)), Look((1, 0, 0, 0, 0, 0), (16,))
 
 
 @dataclass(frozen=True)
@@ -123,7 +138,7 @@ def relief(kind: str, g: np.random.Generator, size: int) -> tuple[np.ndarray, np
     return z + fine, None
 
 
-def of_relief(kind: str, g: np.random.Generator, size: int, distance: float | None = None) -> Capture:
+def of_relief(kind: str, g: np.random.Generator, size: int, look: Look, distance: float | None = None) -> Capture:
     """A rendered relief under distant lights, or lamps so many half widths away."""
     z, outline = relief(kind, g, size)
     z_y, z_x = np.gradient(z)
@@ -141,7 +156,7 @@ def of_relief(kind: str, g: np.random.Generator, size: int, distance: float | No
     L = draw_lights(g, 1, n, 0.0, str(g.choice(RIGS)))
     made = recipe("lambert", size=size, crop=size, shadows=True, distance=distance)
     one = torch.ones(1)
-    coats = draw_coats(g, 1, MATERIALS, 0.5, None)
+    coats = draw_coats(g, 1, look.materials, 0.5, None)
     bounce = torch.tensor([bool(g.random() < 0.5)])
     scenes = Scenes(None, coats, tensor(L), one, one, bounce, tensor(np.array([0.01 * g.random()])))  # pyright: ignore
     pixels = torch.arange(size * size)[None]
@@ -153,7 +168,7 @@ def of_relief(kind: str, g: np.random.Generator, size: int, distance: float | No
         I = np.where(outline[..., None], I, GROUND * g.random() * L[0, :, 2, None, None, None])
     if outline is not None and ground == "dark":
         mask = np.ones((size, size), bool)
-    return photographed(I, L[0], N, mask, g)
+    return photographed(I, L[0], N, mask, look, g)
 
 
 def drawn_mask(g: np.random.Generator, size: int, outline: np.ndarray | None) -> np.ndarray:
@@ -166,32 +181,34 @@ def drawn_mask(g: np.random.Generator, size: int, outline: np.ndarray | None) ->
     return masks[g.integers(3)]
 
 
-def photographed(I: np.ndarray, L: np.ndarray, N: np.ndarray, mask: np.ndarray, g: np.random.Generator) -> Capture:
-    """Exposed so that few samples are white, with noise, as 8 or 16 bits."""
+def photographed(
+    I: np.ndarray, L: np.ndarray, N: np.ndarray, mask: np.ndarray, look: Look, g: np.random.Generator
+) -> Capture:
+    """Exposed so that few samples are white, with noise."""
     I = I / np.quantile(I[:, mask], g.uniform(0.985, 1))
     I = I.clip(0, 1)
     sigma = g.uniform(0.001, 0.008)
     I = I + sigma * np.sqrt(0.1 + 0.9 * I) * g.standard_normal(I.shape)
-    bits = int(g.choice([8, 16]))
+    bits = int(g.choice(look.bits))
     images = stored(I, bits)
     names = tuple(f"IMG_{j + 1}.png" for j in range(len(L)))
     truth = Normals(np.where(mask[..., None], N, 0).astype(np.float32), mask)
     return Capture(images, mask, L.astype(np.float64), truth, np.ones((len(L), 3)), image_names=names)
 
 
-def of_objects(seed: int, count: int, size: int, distance: float | None = None) -> Iterator[Capture]:
+def of_objects(seed: int, count: int, size: int, look: Look, distance: float | None = None) -> Iterator[Capture]:
     """Drawn solids of the training set's shapes, with and without a mask."""
     k = done = 0
     while done < count:
         made = recipe(
             "validation", size=size, crop=size, crops=1, zoom=0.0, scenes=8, lights=(12, 32), narrow=0.4,
-            materials=MATERIALS, noise=0.0, saturated=0.0, low_bits=0.0, distance=distance,
+            materials=look.materials, noise=0.0, saturated=0.0, low_bits=0.0, distance=distance,
         )  # fmt: skip
         batch = render_block(made, 900_000 + seed, k, torch.device("cpu"), 8)
         for I, L, N, on in zip(batch.images, batch.lights, batch.normals, batch.mask, strict=True):
             g = rng(seed, 7, done)
             mask, normals = on[0].numpy(), N.permute(1, 2, 0).numpy()
-            capture = photographed(I.permute(0, 2, 3, 1).numpy(), L.numpy(), normals, mask, g)
+            capture = photographed(I.permute(0, 2, 3, 1).numpy(), L.numpy(), normals, mask, look, g)
             if g.random() < 0.3:
                 capture = replace(capture, mask=np.ones_like(mask))
             yield capture
@@ -200,13 +217,15 @@ def of_objects(seed: int, count: int, size: int, distance: float | None = None) 
         k += 1
 
 
-def captures(kind: str, seed: int, count: int, size: int, distance: float | None = None) -> Iterator[Capture]:
+def captures(
+    kind: str, seed: int, count: int, size: int, look: Look = USUAL, distance: float | None = None
+) -> Iterator[Capture]:
     """`count` right captures of a kind."""
     if kind == "object":
-        yield from of_objects(seed, count, size, distance)
+        yield from of_objects(seed, count, size, look, distance)
         return
     for k in range(count):
-        yield of_relief(kind, rng(seed, KINDS.index(kind), k), size, distance)
+        yield of_relief(kind, rng(seed, KINDS.index(kind), k), size, look, distance)
 
 
 def with_lights(change: Callable[[np.ndarray, np.random.Generator], np.ndarray]) -> Callable:
@@ -264,6 +283,16 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
 JUDGED = {"order", "frame", "intensities", "ambient", "encoding", "near", "halfway", "contrast", "motion", "positions"}
 
 
+TOLD_BY_A_MATT_FIT = {"halfway", "ambient", "encoding"}
+
+
+def matt_misfit(capture: Capture) -> float:
+    """What a matt surface leaves of the pictures, as part of a pixel's level."""
+    I, mask = samples.on_object(samples.read(capture))
+    pixels = Pixels.of(I, mask)
+    return 0.0 if pixels is None else float(np.median(pixels.fit(capture.lights)[1]))
+
+
 def main() -> None:
     """Print a table of rates for each kind of capture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -272,35 +301,40 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=112)
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--faults", default=",".join(["right", *FAULTS]))
+    parser.add_argument("--glossy", action="store_true")
     args = parser.parse_args()
     torch.set_num_threads(1)
-    faults = args.faults.split(",")
-    print("| captures | fault | count | found | corrected | wrongly corrected | false alarms |")
-    print("|---|---|---|---|---|---|---|")
+    faults, look = args.faults.split(","), GLOSSY if args.glossy else USUAL
+    print("| captures | fault | count | tells | found | found where told | corrected | wrongly so | false alarms |")
+    print("|---|---|---|---|---|---|---|---|---|")
     for kind in args.kinds.split(","):
         rows = {fault: Counter() for fault in faults}
-        near = captures(kind, args.seed, args.count, args.size, 4.0) if "lamps at 2 widths" in faults else iter(())
-        for k, capture in enumerate(captures(kind, args.seed, args.count, args.size)):
+        near = (
+            captures(kind, args.seed, args.count, args.size, look, 4.0) if "lamps at 2 widths" in faults else iter(())
+        )
+        for k, capture in enumerate(captures(kind, args.seed, args.count, args.size, look)):
             for fault in faults:
                 change, kinds = FAULTS.get(fault, (lambda c, g: c, set()))
                 g = rng(args.seed, 11, k, (["right", *FAULTS]).index(fault))
-                judge(rows[fault], next(near) if change is None else change(capture, g), kinds, capture.lights)
+                judge(rows[fault], next(near) if change is None else change(capture, g), kinds, capture)
         for fault, r in rows.items():
             told = " ".join(f"{name[6:]} {count}" for name, count in r.items() if name.startswith("alarm "))
-            figures = [r["count"], r["found"] if fault != "right" else "", r["corrected"], r["wrong"], told]
-            print("|", " | ".join(str(v) for v in (kind, fault, *figures)), "|", flush=True)
+            found = ["", "", ""] if fault == "right" else [r["tells"], r["found"], r["told"]]
+            figures = (kind, fault, r["count"], *found, r["corrected"], r["wrong"], told)
+            print("|", " | ".join(str(v) for v in figures), "|", flush=True)
 
 
-def judge(row: Counter, capture: Capture, kinds: set[str], right: np.ndarray) -> None:
-    """Count what the doctor says of one capture."""
+def judge(row: Counter, capture: Capture, kinds: set[str], right: Capture) -> None:
+    """Count what the doctor says of one capture, which would be `right` without its fault."""
     found = [f for f in check(capture) if f.kind in JUDGED]
-    row["count"] += 1
-    row["found"] += any(f.kind in kinds for f in found)
+    told = any(f.kind in kinds for f in found)
+    tells = not kinds & TOLD_BY_A_MATT_FIT or matt_misfit(right) < TELLS * matt_misfit(capture)
+    row.update({"count": 1, "found": told, "tells": tells, "told": told and tells})
     for f in found:
         if not kinds:
             row[f"alarm {f.kind}"] += 1
         if f.lights is not None:
-            off = float(np.quantile(angle_deg(f.lights, right), 0.9)) > 10
+            off = float(np.quantile(angle_deg(f.lights, right.lights), 0.9)) > 10
             row["wrong" if off else "corrected"] += 1
 
 

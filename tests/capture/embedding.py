@@ -42,12 +42,20 @@ def para(kind: int, *parameters: float) -> bytes:
     return struct.pack(f">4s4xHxx{len(parameters)}i", b"para", kind, *(round(65536 * p) for p in parameters))
 
 
-def profile(*curves: bytes, name: str = "a profile") -> bytes:
-    """A profile of grey levels with one tone curve, or of RGB with three; of a printer with none."""
+def profile(*curves: bytes, name: str = "a profile", primaries: np.ndarray | None = None) -> bytes:
+    """A profile of grey levels with one tone curve, or of RGB with three; of a printer with none.
+
+    `primaries` are columns of XYZ, one for red, green and blue each.
+    """
     space = {0: b"RGB ", 1: b"GRAY", 3: b"RGB "}[len(curves)]
     names = {0: (), 1: (b"kTRC",), 3: (b"rTRC", b"gTRC", b"bTRC")}[len(curves)]
     text = name.encode() + b"\0"
     tags = {b"desc": struct.pack(">4s4xI", b"desc", len(text)) + text, **dict(zip(names, curves, strict=True))}
+    if primaries is not None:
+        tags |= {
+            key: struct.pack(">4s4x3i", b"XYZ ", *(round(65536 * float(v)) for v in column))
+            for key, column in zip((b"rXYZ", b"gXYZ", b"bXYZ"), primaries.T, strict=True)
+        }
     table, data, at = b"", b"", 128 + 4 + 12 * len(tags)
     for key, content in tags.items():
         content += bytes(-len(content) % 4)

@@ -59,6 +59,14 @@ def test_profiles_keep_every_bit(tmp_path, suffix, dtype):
     assert capture.encoding == "gamma 2.2 (the profile Adobe RGB (1998))"
 
 
+def test_of_a_profile_s_matrix_nothing_is_applied(tmp_path):
+    """ProPhoto's wide primaries leave linear samples as they are: they mix channels and change no shading."""
+    prophoto = np.array([[0.7977, 0.1352, 0.0313], [0.2880, 0.7119, 0.0001], [0.0, 0.0, 0.8249]])
+    data = profile(*3 * [curv(461)], name="ProPhoto RGB", primaries=prophoto)
+    capture = pn.load(folder(tmp_path, suffix=".tif", dtype=np.uint16, profile=data))
+    np.testing.assert_allclose(capture.images[3], levels(3, np.uint16) ** (461 / 256), atol=1e-6)
+
+
 def test_a_jpeg_s_profile_comes_in_parts_and_counts_before_exif(tmp_path):
     table = np.rint(65535 * np.linspace(0, 1, 1024) ** 1.8).astype(int).tolist()
     data = profile(*3 * [curv(*table)])

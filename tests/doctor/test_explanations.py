@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photonormal.doctor import check
+from photonormal.doctor import check, samples
+from photonormal.doctor.explanations import explanation, raised
+from photonormal.doctor.given import Distant
 from photonormal.geometry import angle_deg, normalised
 from photonormal.types import Capture
 from tests.calibration.chrome import dome
@@ -75,3 +77,33 @@ def test_near_lamps_given_as_directions_are_told_with_their_distance(widths):
 
 def test_distant_lamps_are_not_near_ones():
     assert told(near_lamps(100.0)) == []
+
+
+def shining(strength: float, exponent: float, seed: int = 3) -> Capture:
+    """A right capture of the bumps with highlights: `strength` of full brightness, (n.h)^exponent wide."""
+    truth, half = bumps(), normalised(LIGHTS + np.array([0, 0, 1]))
+    matt = (truth.map @ LIGHTS.T).clip(0)
+    I = 0.3 * matt + strength * (matt > 0) * (truth.map @ half.T).clip(0) ** exponent
+    images = I.transpose(2, 0, 1)[..., None].astype(np.float32)
+    return noisy(Capture(images / images.max(), truth.mask, LIGHTS), seed)
+
+
+@pytest.mark.parametrize(("strength", "exponent"), [(0.2, 60), (0.6, 25), (1.0, 8), (2.0, 30), (5.0, 15)])
+def test_shine_is_neither_another_light_nor_an_encoding(strength, exponent):
+    capture = shining(strength, exponent)
+    assert [f.kind for f in check(capture) if f.kind != "saturation"] == []
+    s = samples.read(capture)
+    assert explanation(Distant(s.I, LIGHTS), s.mask, 16, linearised=False) == []
+
+
+def test_light_that_shadows_take_away_does_not_stay_on(right):
+    """A surface that is brighter than a matt one wherever it is lit fits I = b.l + c, but its shadows are dark."""
+    images = np.asarray(right.images)
+    lifted = images + 0.15 * (images > 0.02)
+    assert (images[:, right.mask].min(0) <= 0.02).mean() > 0.5
+    assert "ambient" not in {f.kind for f in told(changed(right, lifted))}
+
+
+@pytest.mark.parametrize("times", [1.5, 2.8])
+def test_angles_off_by_another_factor_are_no_halfway_ones(right, times):
+    assert "halfway" not in {f.kind for f in told(replace(right, lights=raised(LIGHTS, 1 / times)))}

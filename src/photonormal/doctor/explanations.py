@@ -12,15 +12,20 @@ from jaxtyping import Bool, Float
 
 from photonormal.doctor.finding import Finding
 from photonormal.doctor.given import Given, Near
-from photonormal.doctor.misfit import Gain, Pixels
+from photonormal.doctor.misfit import MATT, Pixels
 from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-HALFWAY = 0.5  # misfit with twice the zenith angles
-OFFSET, ENCODED = 0.6, 0.7  # misfit with light that stays on, and of linearised samples
+HALFWAY, PARTS_AGREE = 0.9, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
+LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
+CORRECTED, CLEARLY = (
+    0.5,
+    0.95,
+)  # misfit with twice the angles at which they are written, also as part of that with others
+OFFSET, ENCODED = 0.7, 0.7  # misfit with light that stays on, and of linearised samples
 AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
-ON, OF_PIXELS = 0.08, 0.8  # that light, as part of full brightness, and the pixels that show most of it
+ON, OF_PIXELS = 0.1, 0.6  # that light, as part of full brightness, and the pixels that show most of it
 MOST = 0.06  # of it
 STEEPER = 2.2  # relative errors grow so much where samples are linearised
 BEHIND = -0.1  # z of a light below which it can't have lit the object
@@ -71,28 +76,33 @@ def _hardly_differ(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> 
 def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | None) -> tuple[float, Finding] | None:
     """I = b.l + c with c above zero in most pixels: other light, or a picture whose encoding lifts the dark."""
     b, after = pixels.fit(np.concatenate([L, np.ones((len(L), 1))], axis=1))
-    on = b[:, 3] / np.linalg.norm(b[:, :3], axis=1).clip(1e-9)
-    level, share = float(np.median(on)), float((on > MOST).mean())
-    if level < ON or share < OF_PIXELS:
-        return None
+    size = np.linalg.norm(b[:, :3], axis=1).clip(1e-9)
+    lifted, on = b[:, 3] / size, np.minimum(b[:, 3], pixels.I.min(1)) / size  # what stays on is on in shadows, too
     offset = pixels.gain(before, after)
-    linear = Gain(1.0, False)
-    if bits is not None:
+    ambient = _common(on) and offset.below(OFFSET)
+    if bits is not None and _common(lifted):
         linear = pixels.gain(before, pixels.showing(to_linear(pixels.I)).fit(L)[1])
-    if linear.below(ENCODED) and linear.left < STEEPER * offset.left:
-        message = (
-            "the pictures look sRGB-encoded: linearised they fit a matt surface "
-            f"{1 / max(linear.left, 0.01):.1f} times better; add --srgb, or export linear pictures."
-        )
-        return linear.left / STEEPER, Finding("encoding", True, message, {"misfit_linearised": round(linear.left, 4)})
-    if not offset.below(OFFSET):
+        if linear.below(ENCODED) and not (ambient and linear.left > STEEPER * offset.left):
+            message = (
+                "the pictures look sRGB-encoded: linearised they fit a matt surface "
+                f"{1 / max(linear.left, 0.01):.1f} times better; add --srgb, or export linear pictures."
+            )
+            numbers = {"misfit_linearised": round(linear.left, 4)}
+            return linear.left / STEEPER, Finding("encoding", True, message, numbers)
+    if not ambient:
         return None
+    level = float(np.median(on))
     message = (
         f"ambient light: {100 * level:.0f} % of full brightness is there whichever lamp is lit; darken the room, or "
         "give a picture taken with all lamps off as --dark. If the pictures are sRGB-encoded, add --srgb first."
     )
     numbers = {"ambient_level": round(level, 4), "misfit_left": round(offset.left, 4)}
     return offset.left, Finding("ambient", level > GRAVE, message, numbers)
+
+
+def _common(on: Float[np.ndarray, " p"]) -> bool:
+    """Whether light that stays on, as part of full brightness, is there in most pixels."""
+    return bool(np.median(on) > ON and (on > MOST).mean() > OF_PIXELS)
 
 
 def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
@@ -138,17 +148,31 @@ def at_distance(
 
 
 def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
-    """Directions are the normals of a mirror sphere where it shows the lamps."""
-    reflected = 2 * L[:, 2:] * L - [0, 0, 1]
+    """Directions are the normals of a mirror sphere where it shows the lamps: twice the angle to the axis fits best.
+
+    The corrected ones are told where neither less than twice nor more does nearly as well.
+    """
+    reflected = raised(L, 2.0)
     if reflected[:, 2].min() < BEHIND:
         return None
-    gain = pixels.gain(before, pixels.fit(reflected)[1])
-    if not gain.below(HALFWAY):
+    after = pixels.fit(reflected)[1]
+    gain = pixels.gain(before, after)
+    if not gain.below(HALFWAY, PARTS_AGREE) or np.median(after) > MATT:
         return None
+    others = [pixels.gain(pixels.fit(raised(L, factor))[1], after) for factor in (LESS, MORE)]
+    if any(other.left > 1 for other in others):
+        return None
+    sure = gain.left < CORRECTED or all(other.below(CLEARLY) for other in others)
     message = (
         "the lights' directions are halfway to the right ones: doubling their angles to the camera's axis fits "
         f"{1 / max(gain.left, 0.01):.1f} times better. They look like a mirror sphere's normals at its highlights, but "
         "the reflections there are needed, 2 (n.v) n - v."
     )
     numbers = {"misfit_left": round(gain.left, 4)}
-    return gain.left, Finding("halfway", True, message, numbers, lights=reflected)
+    return gain.left, Finding("halfway", True, message, numbers, lights=reflected if sure else None)
+
+
+def raised(L: Float[np.ndarray, "n 3"], factor: float) -> Float[np.ndarray, "n 3"]:
+    """Directions at so many times their angle to the view axis."""
+    zenith, azimuth = factor * np.arccos(L[:, 2].clip(-1, 1)), np.arctan2(L[:, 1], L[:, 0])
+    return np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], axis=-1)

@@ -12,7 +12,7 @@ from photonormal.calibration.intensities import SHADOW, robust_normals, self_cal
 from photonormal.doctor.finding import Finding, listed
 from photonormal.doctor.frame import GIVEN, Surface, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
-from photonormal.doctor.misfit import Pixels
+from photonormal.doctor.misfit import MATT, Pixels
 from photonormal.doctor.order import BETTER, Orders, name_of
 
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
@@ -98,6 +98,8 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     factor = e / np.median(e)
     evened = pixels.showing(pixels.I / factor)
     b, after = evened.fit(L)
+    if np.median(after) > MATT:
+        return []
     numbers = {"factors": [round(float(f), 4) for f in factor]}
     spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
     if spread > np.log(OFF):

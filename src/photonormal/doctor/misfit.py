@@ -20,6 +20,7 @@ SIDE = 6  # parts along each side
 OF_PART = 8  # pixels in a part at least
 KEPT = 0.6  # of a pixel's lit samples whose residual counts: shadows and highlights are among the others
 TIGHT, ROUNDS = 1.5, 4  # residuals beyond so many of those don't tell the fit
+MATT = 0.1  # misfit, as part of a pixel's level, above which shine mimics other angles and intensities
 NOISE = 1e-4  # of a pixel's level that no misfit falls below
 CERTAIN = 3.0  # standard errors over the parts
 
@@ -100,18 +101,18 @@ class Pixels:
         parts = [change[part == k] for k in range(self.part.max() + 1)]
         middle = np.array([np.median(c) for c in parts if len(c) >= OF_PART])
         if len(middle) < 3:
-            return Gain(1.0, False)
+            return Gain(1.0, 0.0)
         error = middle.std() / np.sqrt(len(middle)) + 1e-3
-        return Gain(float(np.exp(np.median(change))), bool(-middle.mean() > CERTAIN * error))
+        return Gain(float(np.exp(np.median(change))), float(-middle.mean() / error))
 
 
 @dataclass(frozen=True)
 class Gain:
-    """What is left of a misfit, as part of what was, and whether the parts of the object agree that it is less."""
+    """What is left of a misfit, as part of what was, and standard errors by which it is less in the object's parts."""
 
     left: float
-    certain: bool
+    errors: float
 
-    def below(self, limit: float) -> bool:
+    def below(self, limit: float, certain: float = CERTAIN) -> bool:
         """Certainly less than this part is left."""
-        return self.certain and self.left < limit
+        return self.errors > certain and self.left < limit

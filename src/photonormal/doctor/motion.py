@@ -4,8 +4,8 @@ What a picture should show is told by the others, whatever the lights: pictures 
 three, of others of few more. A picture that moved is such a combination only after it is shifted back. How well it is
 one is asked at every shift, so that the combination is not spoilt by where the picture lies.
 
-One picture alone says little: what repeats, as threads of a weave do, fits elsewhere, too. So it is judged against the
-others: those that fit best where they are say how well pictures of this object fit.
+One picture alone says little: what repeats, as threads of a weave do, fits elsewhere, too, and so do highlights. So it
+is judged by how well the pictures of this object fit as a rule.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ RANK = 8  # pictures that the others are combined of
 LEAST = 6  # pictures
 DETAIL = 3.0  # pixels: coarser shading moves with the light
 UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, below which it may have moved
-WORST, WORSE = 0.05, 1.2  # of the pictures that didn't move so many fit as badly; and how much worse than as a rule
+OUTLYING = 2.0  # robust standard deviations by which it fits worse than the pictures do as a rule, in log odds
 
 
 def unexplained(
@@ -60,12 +60,9 @@ def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
         return found
     left = unexplained(pictures, ~suspect)
     r = left.shape[1] // 2
-    suspect, at_rest = _suspect(left), left[:, r, r]
-    if 2 * suspect.sum() >= n:
-        return found
-    usual = at_rest[~suspect]
-    worse = np.maximum(np.quantile(usual, 1 - WORST), WORSE * np.median(usual))
-    for j in np.flatnonzero(suspect & (at_rest > worse)):
+    suspect, odds = _suspect(left), np.log(left[:, r, r] / (1 - left[:, r, r]).clip(1e-6))
+    from_usual = odds - np.median(odds)
+    for j in np.flatnonzero(suspect & (from_usual > OUTLYING * 1.4826 * np.median(np.abs(from_usual)))):
         y, x = np.unravel_index(int(left[j].argmin()), left[j].shape)
         found[j] = x - r + _dip(left[j][y, x - 1 : x + 2]), y - r + _dip(left[j][y - 1 : y + 2, x])
     return found

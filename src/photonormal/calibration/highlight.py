@@ -153,11 +153,16 @@ def _spot(
     return _centroid(np.maximum(smooth - threshold, 0), part), int(part.sum()), peak - ground, saturated
 
 
-def looked_for(pictures: Float[np.ndarray, "n h w"], circle: Circle) -> list[Highlight | None]:
-    """The highlight of each picture, None where its light is off or behind the sphere."""
+def looked_for(
+    pictures: Float[np.ndarray, "n h w"], circle: Circle, enough_px: float = ENOUGH_PX
+) -> list[Highlight | None]:
+    """The highlight of each picture, None where its light is off or behind the sphere.
+
+    Pictures of a sphere of more than `enough_px` in radius are made smaller.
+    """
     import cv2
 
-    scale = min(1.0, ENOUGH_PX / circle.r)
+    scale = min(1.0, enough_px / circle.r)
     if scale < 1:
         size = tuple(round(scale * m) for m in pictures.shape[:0:-1])
         pictures = np.stack([cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in pictures])

@@ -16,21 +16,32 @@ import numpy as np
 from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
 from photonormal.calibration.mirror import directions
-from photonormal.calibration.outline import outlines, resized
+from photonormal.calibration.outline import outlines, refined, resized
 from photonormal.calibration.rim import LINEAR, faded
+from photonormal.calibration.shadow import Surroundings
 from photonormal.calibration.survey import WORKING_SIZE, Photograph, Survey, root, unexplained
 from photonormal.geometry import angle_deg
 
 AROUND = 7.0  # half the side looked at, in radii of the constellation: lamps within 16 degrees of the view fit
 PLACE_SIZE = 400  # least side in pixels of the pictures of a place
+SEEDS = (1.0, 1.5, 2.2)  # radius of a sphere, in those of its constellation
+ALIKE = (0.01, 0.2)  # distance and difference of radii, in radii and pixels, below which circles are one
 OUTLINES = 8  # circles tried in each place
 CONFIDENCE = 0.3  # below it no sphere was found; objects without one stayed below 0.2
 MIRRORS = 0.7  # part of the pictures whose highlight is a mirror's
+ENOUGH_PX = 100  # radius of a sphere with which highlights are found surely enough to choose among circles
 SPREAD = 0.03  # of the highlights, in radii, below which they do not move
 SUPPORTED = 0.15  # unexplained shading below which a circle needs half of CONFIDENCE only
 AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellation, that another one needs
 AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, that is as good as another's
 TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
+BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
+TELLS = 0.85  # and from which it tells the sphere's circle from others
+AS_DARK = (0.3, 0.01)  # how much less it may be, as part of what the best circle lacks, and absolute
+NEAR = (0.0, 0.02, 0.04, 0.06, 0.09)  # a sphere's radius as a part of the lamps' distance
+ROUNDS = 2  # of looking for highlights in a circle and improving it by its shadows
+UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer than chance
+FULLY = 0.65  # confidence of such a circle at most
 ODD = (0.3, 3.0)  # part of the shading that the lights leave unexplained, and times what any lights would
 TOLD_DEG = 5.0  # mean angle between the lights of two circles that is worth telling
 
@@ -47,6 +58,7 @@ class Found:
     notes : what the user is to know
     supported : its lights explain the shading of the rest of the frame
     unexplained : part of that shading which they don't
+    shadows : correlation of what is dark around it with the shadows of that sphere under those lights
     """
 
     circle: Circle
@@ -56,11 +68,24 @@ class Found:
     notes: tuple[str, ...] = ()
     supported: bool = False
     unexplained: float = 0.0
+    shadows: float = 0.0
+
+    def moved(self, x0: float, y0: float, scale: float) -> Found:
+        """The same in pixels of the photograph: this place begins at (x0, y0) and was seen `scale` times as large."""
+        c = self.circle
+        x, y = (c.x + 0.5) / scale - 0.5 + x0, (c.y + 0.5) / scale - 0.5 + y0
+        circle = replace(c, x=x, y=y, r=c.r / scale, residual_px=c.residual_px / scale)
+        return replace(self, circle=circle, xy=(self.xy + 0.5) / scale - 0.5 + (x0, y0))
 
     @property
     def good(self) -> bool:
         """Whether it mirrors inside a circle that may be an outline."""
         return self.circle.confidence >= CONFIDENCE / 2 and self.mirrored >= MIRRORS
+
+    @property
+    def shades(self) -> bool:
+        """Whether what is dark around it is its shadow, as only a sphere of that outline casts it."""
+        return self.shadows >= TELLS
 
     @property
     def merit(self) -> float:
@@ -90,6 +115,8 @@ def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Se
         balls.append(_best(around, survey, where))
         left = [f for f in left if not any(_overlap(f.circle, a.circle) for a in around)]
     balls = [f for f in balls if f.circle.confidence >= CONFIDENCE or f.supported]
+    if any(f.shades for f in balls):
+        balls = [f for f in balls if f.shades]
     balls.sort(key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]))
     chosen, others = balls[:count], balls[count:]
     if len(chosen) < count:
@@ -111,7 +138,8 @@ def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Se
 def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photograph]) -> list[Found]:
     """Circles of all places, those alike once."""
     h, w = survey.shape
-    boxes = [_box(place, (h, w)) for place in survey.constellations()]
+    places = survey.constellations()
+    boxes = [_box(place, (h, w)) for place in places]
     crops = [([], []) for _ in boxes]
     for k in range(n + len(extra)) if boxes else []:
         picture = read(k) if k < n else extra[k - n](0)
@@ -121,14 +149,20 @@ def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photogr
             if k < n:
                 dark.append(resized(darkest(part), scale))
     found = []
-    for (rows, columns, scale), (roots, dark) in zip(boxes, crops, strict=True):
-        found += _in_place(roots, np.stack(dark), columns.start, rows.start, scale)
+    for (x, y, s), (rows, columns, scale), (roots, dark) in zip(places, boxes, crops, strict=True):
+        left, top = columns.start, rows.start
+        middle = (x - left + 0.5) * scale - 0.5, (y - top + 0.5) * scale - 0.5
+        seeds = [Circle(*middle, part * s * scale, 0.0) for part in SEEDS]
+        found += _in_place(roots, np.stack(dark), left, top, scale, seeds)
     found += _in_place(survey.roots, survey.dark / np.float32(255), 0, 0, survey.scale)
     found.sort(key=lambda f: -f.circle.confidence)
     apart: list[Found] = []
     for f in found:
         a = f.circle
-        if all(np.hypot(a.x - b.x, a.y - b.y) + abs(a.r - b.r) > 0.04 * b.r + 1 for b in (g.circle for g in apart)):
+        if all(
+            np.hypot(a.x - b.x, a.y - b.y) + abs(a.r - b.r) > ALIKE[0] * b.r + ALIKE[1]
+            for b in (g.circle for g in apart)
+        ):
             apart.append(f)
     return apart
 
@@ -142,21 +176,39 @@ def _box(place: tuple[float, float, float], shape: tuple[int, int]) -> tuple[sli
     return rows, columns, float(np.clip(1.0, PLACE_SIZE / side, WORKING_SIZE / side))
 
 
-def _in_place(roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale: float) -> list[Found]:
-    """The circles of one place, in pixels of the photographs; pictures that begin at (x0, y0)."""
-    found, mean = [], np.mean([seen.clip(0) ** LINEAR for seen in roots], axis=0)
-    for seen in outlines(roots, OUTLINES, max(1.0, scale)):
-        c = faded(mean, seen, max(1.0, scale)) if seen.confidence >= CONFIDENCE / 2 else seen
-        xy, mirrored = _mirrored(c, dark) if c.confidence >= CONFIDENCE / 2 else (np.full((len(dark), 2), np.nan), 0.0)
-        circle = Circle(
-            (c.x + 0.5) / scale - 0.5 + x0,
-            (c.y + 0.5) / scale - 0.5 + y0,
-            c.r / scale,
-            c.confidence,
-            c.residual_px / scale,
-        )
-        found.append(Found(circle, (xy + 0.5) / scale - 0.5 + (x0, y0), mirrored))
-    return found
+def _in_place(
+    roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale: float, seeds: Sequence[Circle] = ()
+) -> list[Found]:
+    """The circles of one place, in pixels of the photographs; pictures that begin at (x0, y0).
+
+    The `seeds` are circles, in those of the place, that shadows are looked for from where no edges lead to them.
+    """
+    pixel = max(1.0, scale)
+    around = Surroundings.of(roots[: len(dark)], pixel)
+    light, none = around.still**LINEAR, np.full((len(dark), 2), np.nan)
+
+    def seen(c: Circle, near: Sequence[float] = NEAR) -> Found:
+        xy, mirrored = _mirrored(c, dark)
+        return Found(c, xy, mirrored, shadows=max(around.explained(c, xy, part) for part in near))
+
+    def of_edges(c: Circle) -> Found:
+        return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else Found(c, none, 0.0)
+
+    found = [of_edges(c) for c in outlines([around.still], OUTLINES, pixel)]
+    begin = found
+    if not any(f.shades for f in found):
+        found += [of_edges(c) for c in outlines(roots, OUTLINES, pixel)]
+        begin = [*found, *(seen(c) for c in seeds)]
+    best = max(begin, key=lambda f: f.shadows, default=None)
+    if best is not None and best.shadows > BEGIN:
+        c, near = best.circle, 0.0
+        for _ in range(ROUNDS):
+            c, near = around.fitted(c, _mirrored(c, dark)[0])
+        found += [of_edges(refined(p, np.array([c.x, c.y, c.r]), pixel)) for p in ([around.still], roots)]
+        cast = seen(c, (near,))
+        sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
+        found.append(replace(cast, circle=replace(c, confidence=sure, residual_px=0.0)))
+    return [f.moved(x0, y0, scale) for f in found]
 
 
 def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
@@ -164,7 +216,7 @@ def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
     a, b = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
     part = dark[:, b : int(circle.y + circle.r) + 2, a : int(circle.x + circle.r) + 2]
     within = Circle(circle.x - a, circle.y - b, circle.r)
-    highlights = looked_for(part, within) if part.size else [None] * len(dark)
+    highlights = looked_for(part, within, ENOUGH_PX) if part.size else [None] * len(dark)
     xy = np.array([(h.x + a, h.y + b) if h else (np.nan, np.nan) for h in highlights])
     mirrored = float(np.mean([is_a_mirror_s(h, within) for h in highlights]))
     moves = mirrored > 0 and np.linalg.norm(np.nanstd(xy, axis=0)) >= SPREAD * circle.r
@@ -176,7 +228,19 @@ def _overlap(a: Circle, b: Circle) -> bool:
 
 
 def _best(around: list[Found], survey: Survey, where: str) -> Found:
-    """Of circles around one constellation: the surest whose lights explain the frame's shading as well as any.
+    """Of circles around one constellation the surest that explains the shadows; where none does, the shading."""
+    most = max(f.shadows for f in around)
+    if most < TELLS:
+        return _best_shaded([f for f in around if f.circle.confidence >= CONFIDENCE] or around, survey, where)
+    least = most - AS_DARK[0] * (1 - most) - AS_DARK[1]
+    chosen = max((f for f in around if f.shadows >= least), key=lambda f: f.circle.confidence)
+    shown = np.isfinite(chosen.xy).all(1)
+    left, _ = unexplained(survey.shading([chosen.circle])[shown], directions(chosen.circle, chosen.xy[shown])[0])
+    return replace(chosen, supported=True, unexplained=left if np.isfinite(left) else ODD[0])
+
+
+def _best_shaded(around: list[Found], survey: Survey, where: str) -> Found:
+    """The surest circle whose lights explain the frame's shading as well as any.
 
     Where circles explain it as well but mean other lights, the outermost.
     """

@@ -1,0 +1,166 @@
+"""Whether a sphere's circle explains the shadows around it.
+
+Where lamps are mirrored inside a circle tells their directions, and they tell which parts of the table a sphere of that
+size keeps from each lamp. The outline of another thing, a base below the ball, the table's horizon in it, means other
+lights and another sphere, and its shadows would lie elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.optimize import minimize
+
+from photonormal.calibration.circle import Circle
+from photonormal.calibration.mirror import directions
+from photonormal.calibration.outline import EDGE_POWER
+from photonormal.geometry import normalised
+
+LIT = 0.3  # part of the middle brightness above which a place tells how bright a picture is
+REACH = (1.06, 3.5)  # from where to where around a sphere shadows are compared, in its radii
+PLACES = 2500  # that are compared, about
+FACING = 0.7  # cosine between the view and a table's normal below which the shading did not tell it
+GAMMAS = (2.0, 4.4)  # powers that make square roots of levels light, stored linear or encoded
+STILL = 0.6  # quantile of a place's brightness that no highlight and no shadow has
+BLUR = 1.5  # pixels of the photographs beside an outline that show both sides
+WRONG = 0.1  # part of the pictures whose highlight may be another thing's
+SEEN = 0.01  # part of the places in shadow from which a picture's shadow tells something
+NEAR_COSTS = 0.3  # correlation that near lamps have to add, for each unit of `near`: it looks like a smaller radius
+FEW = 4  # pictures below which a place's middle brightness may be in shadow
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What `n` photographs of a place (a, b) show: the same place under the middle light, and what is dark in each.
+
+    Parameters
+    ----------
+    still : square roots of levels, without highlights and with few shadows
+    missing : part of the light in `still` that each picture lacks once it is divided by its brightness
+    bright : brightness of each picture
+    lit : where it was told
+    blur : pixels beside an outline that show both sides
+    """
+
+    still: Float[np.ndarray, "a b"]
+    missing: Float[np.ndarray, "n a b"]
+    bright: Float[np.ndarray, " n"]
+    lit: Bool[np.ndarray, "a b"]
+    blur: float
+
+    @classmethod
+    def of(cls, roots: Sequence[Float[np.ndarray, "a b"]], pixel: float = 1.0) -> Surroundings:
+        """From square roots of grey levels; `pixel` is the width of a photograph's pixel in them."""
+        stack = np.stack(roots).clip(0)
+        middle = np.median(stack, axis=0)
+        lit = middle > LIT * np.median(middle)
+        bright = np.array([np.median(picture[lit] / middle[lit]) for picture in stack]).clip(LIT / 10)
+        even = stack / bright[:, None, None]
+        still = np.quantile(even, STILL, axis=0)
+        return cls(still, (1 - (even / still.clip(1e-3)) ** EDGE_POWER).clip(0, 1), bright, lit, BLUR * pixel)
+
+    def explained(self, circle: Circle, xy: Float[np.ndarray, "n 2"], near: float = 0.0) -> float:
+        """Correlation, over places and pictures, of what is dark with the shadows of the sphere of that circle.
+
+        A few pictures may show another thing's highlight: those that fit worst don't count.
+
+        Parameters
+        ----------
+        xy : where the sphere mirrors the lamps, NaN where it does not
+        near : the sphere's radius as a part of the lamps' distance from it
+        """
+        dark, S = self._compared(circle, xy, near)
+        left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
+        return float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel())))
+
+    def of_each(self, circle: Circle, xy: Float[np.ndarray, "n 2"], near: float = 0.0) -> Float[np.ndarray, " n"]:
+        """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow."""
+        found = np.full(len(xy), np.nan)
+        dark, S = self._compared(circle, xy, near)
+        if len(S):
+            found[np.isfinite(xy).all(1)] = np.where(S.mean(1) > SEEN, _correlation(dark, S), np.nan)
+        return found
+
+    def fitted(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> tuple[Circle, float]:
+        """The circle close to another one that explains the shadows best, and how near the lamps are in it."""
+
+        def of(p: np.ndarray) -> tuple[Circle, float]:
+            moved = replace(
+                circle, x=circle.x + p[0] * circle.r, y=circle.y + p[1] * circle.r, r=circle.r * np.exp(p[2])
+            )
+            return moved, abs(p[3])
+
+        def unlike(p: np.ndarray) -> float:
+            moved, near = of(p)
+            return NEAR_COSTS * near - self.explained(moved, xy, near)
+
+        simplex = np.vstack([np.zeros(4), np.diag([0.1, 0.1, 0.15, 0.05])])
+        how = {"initial_simplex": simplex, "maxfev": 120, "xatol": 0.003, "fatol": 1e-4}
+        return of(minimize(unlike, np.zeros(4), method="Nelder-Mead", options=how).x)
+
+    def _compared(self, circle: Circle, xy: Float[np.ndarray, "n 2"], near: float) -> tuple[np.ndarray, np.ndarray]:
+        """What is dark, and the sphere's shadows, around it (m, p), in the m pictures with a highlight."""
+        shown = np.isfinite(xy).all(1)
+        x, y, dark = self._around(circle)
+        if shown.sum() < FEW or x.size < PLACES / 40:
+            return np.zeros((0, 0)), np.zeros((0, 0))
+        L = directions(circle, xy[shown])[0]
+        return dark[shown], shadows(circle, L, self._table(L, self.bright[shown]), x, y, near).astype(float)
+
+    def _around(self, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lit places (p,) around a circle: x, y, and what is missing (n, p)."""
+        a, b = self.lit.shape
+        near, far = REACH[0] * circle.r + self.blur, REACH[1] * circle.r
+        top, left = max(0, int(circle.y - far)), max(0, int(circle.x - far))
+        step = max(1, int(np.sqrt(np.pi * far**2 / PLACES)))
+        y, x = np.mgrid[top : min(a, int(circle.y + far) + 1) : step, left : min(b, int(circle.x + far) + 1) : step]
+        away = np.hypot(x - circle.x, y - circle.y)
+        there = (away > near) & (away < far) & self.lit[y, x]
+        x, y = x[there], y[there]
+        return x, y, self.missing[:, y, x]
+
+    def _table(self, L: Float[np.ndarray, "m 3"], bright: Float[np.ndarray, " m"]) -> Float[np.ndarray, " 3"]:
+        """The normal of what most of the place shows, from its shading; the view's where that tells none."""
+        fits = []
+        for gamma in GAMMAS:
+            e = bright**gamma
+            b = np.linalg.lstsq(L, e, rcond=None)[0]
+            left = np.abs(L @ b - e).argsort()[: len(e) - int(WRONG * len(e))]
+            b = np.linalg.lstsq(L[left], e[left], rcond=None)[0]
+            fits.append((np.linalg.norm((L @ b - e)[left]) / np.linalg.norm(e), b))
+        T = normalised(min(fits, key=lambda f: f[0])[1])
+        return T if T[2] > FACING else np.array([0.0, 0.0, 1.0])
+
+
+def _correlation(a: Float[np.ndarray, "*m p"], b: Float[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m"]:
+    """Along the last axis; NaN where one of the two is even."""
+    a, b = (c - c.mean(-1, keepdims=True) if c.size else c for c in (a, b))
+    size = np.sqrt((a**2).sum(-1) * (b**2).sum(-1))
+    return (a * b).sum(-1) / np.where(size > 0, size, np.nan)
+
+
+def shadows(
+    circle: Circle,
+    L: Float[np.ndarray, "n 3"],
+    T: Float[np.ndarray, " 3"],
+    x: Float[np.ndarray, " p"],
+    y: Float[np.ndarray, " p"],
+    near: float = 0.0,
+) -> Bool[np.ndarray, "n p"]:
+    """True where a sphere keeps lamps from pixels of the plane of normal `T` that it rests on.
+
+    Parameters
+    ----------
+    L : directions from the sphere's centre to the lamps
+    near : the sphere's radius as a part of their distance; 0: distant
+    """
+    dx, dy = (x - circle.x) / circle.r, (circle.y - y) / circle.r
+    V = -np.stack([dx, dy, (-1 - T[0] * dx - T[1] * dy) / T[2]], axis=-1)  # (p, 3) to the sphere's centre, in radii
+    v2, across = (V**2).sum(-1), L @ V.T
+    along = (across + near * v2) / np.sqrt(1 + 2 * near * across + near**2 * v2).clip(
+        1e-9
+    )  # V . (L + near V), made unit
+    return (along > 0) & (v2 - along**2 < 1)

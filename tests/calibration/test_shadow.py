@@ -1,0 +1,80 @@
+"""Circles and the shadows around them: the shadow that a sphere casts is an ellipse, worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from photonormal.calibration.circle import Circle
+from photonormal.calibration.search import find_spheres
+from photonormal.calibration.shadow import Surroundings, shadows
+from tests.calibration.chrome import SHAPE, dome, highlight_at
+
+BALL, UP = Circle(150.0, 120.0, 20.0), np.array([0.0, 0.0, 1.0])
+
+
+def scene(lights, base=0.0) -> list[np.ndarray]:
+    """A black ball on a white table, in front of it its shadows, below it a darker round base of that radius."""
+    y, x = (a.ravel() for a in np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float))
+    rng, away, made = np.random.default_rng(0), np.hypot(x - BALL.x, y - BALL.y), []
+    dark = shadows(BALL, lights, UP, x, y)
+    for light, shaded in zip(lights, dark, strict=True):
+        table = np.where(away < base, 0.3, 0.7) * (0.03 + light[2] * ~shaded)
+        sx, sy = highlight_at(light, (BALL.x, BALL.y), BALL.r)
+        picture = np.where(away < BALL.r, 0.02, table) + 2 * np.exp(-((x - sx) ** 2 + (y - sy) ** 2) / 1.5**2)
+        made.append((picture + 0.004 * rng.standard_normal(picture.shape)).clip(0, 1).reshape(SHAPE).astype(np.float32))
+    return made
+
+
+def highlights(lights) -> np.ndarray:
+    return np.array([highlight_at(light, (BALL.x, BALL.y), BALL.r) for light in lights])
+
+
+@pytest.mark.parametrize("tilt_deg", [0.0, 30.0, 60.0])
+def test_a_shadow_is_an_ellipse_behind_the_ball(tilt_deg):
+    """On the plane z = -r its middle lies at -r tan(tilt), its long half axis is r / cos(tilt), its short one r."""
+    light = np.array([[np.sin(np.radians(tilt_deg)), 0.0, np.cos(np.radians(tilt_deg))]])
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)
+    dark = shadows(BALL, light, UP, x.ravel(), y.ravel()).reshape(SHAPE)
+    along = (x - BALL.x + BALL.r * np.tan(np.radians(tilt_deg))) * np.cos(np.radians(tilt_deg))
+    assert (dark == (np.hypot(along, y - BALL.y) < BALL.r)).mean() > 0.999
+
+
+def test_near_lamps_cast_larger_shadows_than_distant_ones():
+    y, x = (a.ravel() for a in np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float))
+    overhead = np.array([[0.0, 0.0, 1.0]])
+    distant, near = (shadows(BALL, overhead, UP, x, y, part).sum() for part in (0.0, 0.25))
+    radius = 5 * np.tan(np.arcsin(1 / 4))  # of the cone from a lamp 4 radii above the centre, on a plane 5 below it
+    assert near / distant == pytest.approx(radius**2, rel=0.02)
+
+
+def test_the_ball_s_circle_explains_what_is_dark_and_others_do_not():
+    lights = dome(12, 70)
+    around = Surroundings.of([np.sqrt(p) for p in scene(lights)])
+    xy = highlights(lights)
+    assert around.explained(BALL, xy) > 0.95
+    assert max(around.explained(Circle(150, 120, 20 * part), xy) for part in (0.75, 1.4)) < 0.8
+
+
+def test_shadows_lead_to_the_circle():
+    lights = dome(12, 70)
+    around = Surroundings.of([np.sqrt(p) for p in scene(lights)])
+    found, near = around.fitted(Circle(152, 119, 23), highlights(lights))
+    assert np.hypot(found.x - 150, found.y - 120) < 0.3 and abs(found.r - 20) < 0.4 and near < 0.02
+
+
+def test_a_picture_whose_highlight_is_another_thing_s_stands_out():
+    lights = dome(12, 70)
+    around = Surroundings.of([np.sqrt(p) for p in scene(lights)])
+    xy = highlights(lights)
+    xy[7] = 2 * np.array([150.0, 120]) - xy[7]
+    each = around.of_each(BALL, xy)
+    assert np.nanargmin(each) == 7 and each[7] < 0.3 < 0.8 < np.nanmedian(each)
+    assert around.explained(BALL, xy) > 0.95
+
+
+def test_the_rim_of_a_base_is_not_the_ball_s():
+    frames = scene(dome(12, 70), base=30.0)
+    (sphere,) = find_spheres(lambda j: frames[j][..., None], len(frames), "chrome")
+    assert np.hypot(sphere.circle.x - 150, sphere.circle.y - 120) < 0.5 and abs(sphere.circle.r - 20) < 0.4
+    assert sphere.notes == ()

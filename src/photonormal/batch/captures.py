@@ -13,6 +13,7 @@ from typing import Any
 
 import msgspec
 
+from photonormal.capture import UNKNOWN
 from photonormal.capture.texts import read_lines
 from photonormal.files.opening import read_bytes
 from photonormal.job import AUTO, Job
@@ -141,7 +142,7 @@ def _value(value: Any, kind: Any, called: str, base: Path) -> Any:
 
     def of_path(wanted: type, given: Any) -> Any:
         if wanted is Path and isinstance(given, str):
-            return base / given
+            return UNKNOWN if given == str(UNKNOWN) else base / given
         raise NotImplementedError
 
     try:

@@ -126,6 +126,9 @@ def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begu
                 raise InputError(
                     f"the connection to the scheduler was lost with {len(futures) + 1} captures to come; run it again."
                 ) from None
+            except Exception as error:  # of a worker that has come without photonormal
+                failure = f"its worker can't measure: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+                outcome = Outcome(named.name, 0.0, failure, "killed")
             yield outcome
     finally:
         client.unsubscribe_topic(TOPIC)
@@ -135,7 +138,7 @@ def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begu
 def _absolute(named: Named) -> Named:
     """The capture by paths that hold wherever a worker stands."""
     job = named.job
-    reading = {k: v.absolute() if isinstance(v, Path) else v for k, v in job.reading.items()}
+    reading = {k: v.absolute() if isinstance(v, Path) and v.exists() else v for k, v in job.reading.items()}
     camera = job.camera and job.camera.absolute()
     job = replace(job, capture=job.capture.absolute(), out=job.out.absolute(), reading=reading, camera=camera)
     return replace(named, job=job)

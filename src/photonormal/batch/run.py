@@ -52,12 +52,10 @@ def run(
     others = [(name, s) for name, s in states.items() if s.kind == "options"]
     if others and not overwrite:
         name, state = others[0]
+        more = f", and {len(others) - 1} more" if len(others) > 1 else ""
         raise InputError(
-            f"{out / name} was made with other options ({state.why}), and so were {len(others) - 1} more; give those, "
-            "choose another --out, or add --overwrite to measure them again."
-            if len(others) > 1
-            else f"{out / name} was made with other options ({state.why}); give those, choose another --out, or add "
-            "--overwrite to measure it again."
+            f"{out / name} was made with other options ({state.why}){more}; give those, choose another --out, or add "
+            "--overwrite to measure again."
         )
     summary = Summary(out, states, overwrite)
     summary.write()

@@ -98,15 +98,19 @@ def shows_a_highlight(skin: Principled, N: Tensor, L: Tensor, visible: Tensor) -
     return (lit & near & (shine > ADDS * matt.amax(1, keepdim=True))).any(1)
 
 
-def scored(scene: Scene, found: Materials) -> dict[str, float]:
-    """Shares; NaN where nothing is to be told."""
+def pixels_of(scene: Scene, found: Materials) -> dict[str, np.ndarray]:
+    """Of each pixel: how far the roughness is off, whether it shows a highlight, metalness, and the true one."""
     mask = scene.capture.mask
     off = np.abs(found.roughness[mask] - scene.roughness)
-    told, metal = np.isfinite(off), found.metalness[mask]
-    shown, sure = scene.shown, np.isfinite(metal)
+    return {"off": off, "shown": scene.shown, "metalness": found.metalness[mask], "metal": scene.metal}
+
+
+def scored(off: np.ndarray, shown: np.ndarray, metalness: np.ndarray, metal: np.ndarray) -> dict[str, float]:
+    """Shares of pixels; NaN where there are none."""
+    told, sure = np.isfinite(off), np.isfinite(metalness)
 
     def share(of: np.ndarray, where: np.ndarray) -> float:
-        return float(of[where].mean()) if where.sum() > 20 else np.nan
+        return float(of[where].mean()) if where.any() else np.nan
 
     return {
         "shown": shown.mean(),
@@ -116,7 +120,7 @@ def scored(scene: Scene, found: Materials) -> dict[str, float]:
         "(0.1)": share(off < 0.1, shown & told),
         "(0.2)": share(off < 0.2, shown & told),
         "unknown": share(~told, ~shown),
-        "metalness": share(metal == scene.metal, sure),
+        "metalness": share(metalness == metal, sure),
         "metal told": share(sure, shown),
     }
 
@@ -128,20 +132,18 @@ def main() -> None:
     words.add_argument("--normals", default="both", choices=["both", "true", "estimated"])
     asked = words.parse_args()
     kinds = ["true", "estimated"] if asked.normals == "both" else [asked.normals]
-    rows: dict[str, list[dict[str, float]]] = {kind: [] for kind in kinds}
+    rows: dict[str, list[dict[str, np.ndarray]]] = {kind: [] for kind in kinds}
     for seed in range(asked.seed, asked.seed + asked.scenes):
         scene = rendered(seed)
         for kind in kinds:
             normals = scene.capture.truth if kind == "true" else pn.solve(scene.capture)
             assert normals is not None
-            row = scored(scene, materials_of(scene.capture, normals))
-            rows[kind].append(row)
-            print(f"{seed} {kind:9}", " ".join(f"{k} {v:.2f}" for k, v in row.items()), flush=True)
-    print(f"\n{'normals':9}", *(f"{name:>10}" for name in rows[kinds[0]][0]))
+            rows[kind].append(pixels_of(scene, materials_of(scene.capture, normals)))
+            print(f"{seed} {kind:9}", *(f"{k} {v:.2f}" for k, v in scored(**rows[kind][-1]).items()), flush=True)
+    print("\nall pixels")
     for kind, found in rows.items():
-        columns = [np.array([row[name] for row in found]) for name in found[0]]
-        means = [np.mean(v[np.isfinite(v)]) for v in columns]
-        print(f"{kind:9}", *(f"{100 * v:9.1f}%" for v in means))
+        together = {name: np.concatenate([row[name] for row in found]) for name in found[0]}
+        print(f"{kind:9}", *(f"{k} {100 * v:.1f} %" for k, v in scored(**together).items()))
 
 
 if __name__ == "__main__":

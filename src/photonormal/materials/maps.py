@@ -17,7 +17,7 @@ from photonormal.methods.engine.near import seen_as_distant
 from photonormal.progress import progress
 from photonormal.types import Capture, Materials, Normals, box_of
 
-PIXELS = 2**14  # whose lobes are computed at a time
+PIXELS = 2**11  # whose lobes are computed at a time: they fit into a cache
 LEVELS = 8  # grey levels that take as much memory as what is found of a pixel
 SATURATED = 0.995  # of the largest sample, from which one tells too little
 MATT = 0.3  # share of the albedo in albedo + F0 above which nothing is a metal,

@@ -10,6 +10,7 @@ from photonormal.export.mesh import display
 from photonormal.png import SRGB, encode_png
 from photonormal.types import Materials
 
+ROWS = 256  # made at a time
 PLAIN = 0.08  # F0 of level 1, as principled shaders have it
 TOLD = 128, 255  # grey of material_known.png: roughness is told; metalness, too
 
@@ -26,10 +27,13 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
     metal = filled(materials.metalness, sure, 0.0)
     told = known.astype(np.uint8) * TOLD[0]
     told[sure] = TOLD[1]
-    own = (metal * sure)[..., None]
-    base = (1 - own) * materials.albedo + own * materials.specular
-    F0 = materials.specular.mean(-1)
-    folder.write("base_colour.png", encode_png(display(base / white), SRGB))
+    base, F0 = np.empty(materials.albedo.shape, np.uint8), np.empty(mask.shape, np.float32)
+    for y in range(0, len(base), ROWS):
+        rows = slice(y, y + ROWS)
+        own = (metal[rows] * sure[rows])[..., None]
+        base[rows] = display(((1 - own) * materials.albedo[rows] + own * materials.specular[rows]) / white)
+        F0[rows] = materials.specular[rows].mean(-1)
+    folder.write("base_colour.png", encode_png(base, SRGB))
     folder.write("metalness.png", encode_png(_bytes(metal * mask)))
     folder.write("roughness.png", encode_png(_bytes(filled(materials.roughness, known, 1.0) * mask)))
     folder.write("specular.png", encode_png(_bytes(filled(F0, known, 0.0) * mask / (PLAIN * white))))

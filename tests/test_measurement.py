@@ -102,7 +102,7 @@ def test_a_method_takes_options(folder, tmp_path, capsys):
     code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "trimmed:last=1")
     assert code == 2 and "no option 'last'; it has lowest" in err
     code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "normalnet:name=x")
-    assert code == 2 and "no option 'name'; it has weights, rotations, prior, passes." in err
+    assert code == 2 and "no option 'name'; it has weights, rotations, prior, passes, fast." in err
 
 
 def test_a_reader_that_goes_early_is_no_error():
@@ -115,6 +115,15 @@ def test_a_subset_is_measured_and_reported(folder, tmp_path, capsys):
     code, *_ = run(capsys, "measure", folder, "--out", tmp_path / "result", "--images", "1-3,9", "--no-mesh")
     report = json.loads((tmp_path / "result" / "report.json").read_text())
     assert code == 0 and report["images"] == ["001.png", "002.png", "003.png", "009.png"]
+
+
+def test_fast_is_an_option_of_the_method_that_has_it(folder, tmp_path, capsys):
+    code, *_ = run(capsys, "measure", folder, "--out", tmp_path / "result", "--fast", "--no-mesh")
+    report = json.loads((tmp_path / "result" / "report.json").read_text())
+    assert code == 0 and report["options"]["fast"] and report["score"]["mean_deg"] < 3
+    assert report["expected_error_deg"] > 0
+    code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--fast", "--method", "trimmed")
+    assert code == 2 and "trimmed has no option 'fast'" in err and not (tmp_path / "other").exists()
 
 
 def test_dark_pixels_have_no_normal_and_are_counted(tmp_path, capsys):

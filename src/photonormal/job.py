@@ -25,7 +25,14 @@ from photonormal.rig import AUTO, calibrate
 from photonormal.types import Capture, InputError
 
 PROVENANCE = "provenance"  # in a report
-WITHOUT_EFFECT = {"capture", "out", "method", "device", "overwrite"}  # fields that no value of a result depends on
+WITHOUT_EFFECT = {
+    "capture",
+    "out",
+    "method",
+    "fast",
+    "device",
+    "overwrite",
+}  # fields that change no value, or that `made` tells
 
 
 @dataclass(frozen=True)
@@ -38,6 +45,7 @@ class Job:
     out : folder of the result
     reading : options of `photonormal.load`
     method : with its options, "normalnet:rotations=4"
+    fast : whether the method's network looks at half the resolution
     device, precision, expected_error, materials : as for `photonormal.measure`
     integration : a key of photonormal.integration.METHODS; None: no depth and no mesh
     camera : text file with the 3 x 3 camera matrix
@@ -52,6 +60,7 @@ class Job:
     out: Path
     reading: dict[str, Any] = field(default_factory=dict)
     method: str = DEFAULT
+    fast: bool = False
     device: str = "auto"
     precision: Precision = "auto"
     integration: str | None = "quadratic"
@@ -65,9 +74,14 @@ class Job:
     sphere: str = ""
     overwrite: bool = False
 
+    @property
+    def how(self) -> str:
+        """The method with all options that are its own."""
+        return self.method + ":fast=true" * self.fast
+
     def made(self) -> Made:
         """What its result is made by: version, method, options, weights and code."""
-        return _made(self.method)
+        return _made(self.how)
 
     def asked(self) -> dict[str, Any]:
         """Its other options that have a value and that the result depends on, in JSON's kinds of values."""
@@ -101,7 +115,7 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]
         In one line: what came, what was needed, what to do. Nothing is written then.
     """
     read = {} if read is None else read
-    method, options = parse(job.method)
+    method, options = parse(job.how)
     with noted() as opened:
         try:
             K = read_camera(job.camera)

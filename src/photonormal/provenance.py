@@ -18,7 +18,7 @@ from photonormal.stored import Word
 from photonormal.types import InputError
 
 PACKAGE = Path(__file__).parent
-ENGINE = ("photonormal.methods.engine.samples", "photonormal.methods.engine.stream", "photonormal.methods.engine.near")
+ENGINE = tuple(f"photonormal.methods.engine.{part}" for part in ("samples", "stream", "halved", "near"))
 BESIDES = {"photonormal", "photonormal.methods", "photonormal.types", "photonormal.options"}  # names and checks
 COMPARED = {  # what a result is made by -> how a change of it is told
     "photonormal": "version",

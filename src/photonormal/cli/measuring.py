@@ -23,6 +23,8 @@ class How:
 
     method: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(METHODS)}}}")] = DEFAULT
     """With options if need be, such as normalnet:rotations=4; `photonormal methods` says what they are."""
+    fast: bool = False
+    """The network looks at half the resolution, and a classical method keeps the detail; about three times as fast."""
     device: Where = "auto"
     """Where networks and methods compute."""
     precision: Precision = "auto"

@@ -123,6 +123,8 @@ class Streaming(Method, Protocol):
     """How often the network looks; from the second time on its own normals are the prior."""
     prior: ClassVar[str] | str
     """A classical method in place of the network's own prior; "": that one."""
+    fast: ClassVar[bool] | bool
+    """Whether the network looks at half the resolution (`photonormal.methods.engine.halved`)."""
 
     def network(self) -> Any:
         """The network with its weights."""

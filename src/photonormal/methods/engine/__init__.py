@@ -44,11 +44,11 @@ def check(method: Method, capture: Capture) -> None:
 
 def under_distant_lights(method: Method, capture: Capture, device: torch.device) -> Solution:
     """The same where no lamp is near."""
-    from photonormal.methods.engine import samples, stream
+    from photonormal.methods.engine import halved, samples, stream
 
     with nullcontext() if method.needs.optimises else torch.inference_mode():
         if isinstance(method, Streaming):
-            found = stream.streamed(method, capture, device)
+            found = (halved.halved if method.fast else stream.streamed)(method, capture, device)
         else:
             assert isinstance(method, Solver)
             whole = method.needs.reads == "object"

@@ -27,6 +27,7 @@ class Learned(ABC):
     rotations: Rotations = 1
     name: ClassVar[str]  # in METHODS, and of the weights that come with the package
     needs: ClassVar[Needs] = Needs(reads="stream")
+    fast = False  # unless a method has it as an option
 
     @abstractmethod
     def network(self) -> Network:

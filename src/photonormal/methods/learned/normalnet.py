@@ -107,7 +107,8 @@ class NormalNet(Network):
         around = sum(part.reach for part in (self.coarse, self.finish) if part is not None)
         around += c.layers + 1 + max(2 * c.expected, 3 * c.compass)  # 3 x 3 each, the correction among them
         self.reach = -(-around // self.stride) * self.stride
-        self.initialise()
+        if not self.correction.weight.is_meta:  # else the weights come from a file
+            self.initialise()
 
     def initialise(self) -> None:
         """Random weights with which the network returns its prior."""
@@ -195,10 +196,12 @@ class NormalNetMethod(Learned):
     weights, rotations : see Learned
     prior : a classical method in place of the one that the weights were learned with; "": that one
     passes : how often the network looks; from the second time on its own normals are the prior
+    fast : the network looks at half the resolution, and a classical method keeps the detail
     """
 
     prior: str = ""
     passes: Effort = 2
+    fast: bool = False
     name = "normalnet"
 
     def network(self) -> Network:

@@ -13,7 +13,7 @@ from photonormal.geometry import fibonacci_hemisphere
 from photonormal.masked import row_bands
 from photonormal.materials import maps, materials_of
 from photonormal.materials.lobes import samples
-from photonormal.types import Capture
+from photonormal.types import Capture, Normals
 from tests.scenes import lambertian, sphere, write_diligent
 
 LIGHTS = fibonacci_hemisphere(120)
@@ -91,6 +91,18 @@ def test_some_rows_at_a_time_give_what_all_at_once_give(monkeypatch):
     monkeypatch.setattr(maps, "row_bands", lambda mask, pixels: row_bands(mask, 100))
     monkeypatch.setattr(maps, "PIXELS", 64)
     same(found, materials_of(capture, capture.truth))
+
+
+def test_lights_that_each_pixel_sees_and_pixels_without_normals_change_nothing_elsewhere():
+    capture = shiny(0.35)
+    found = materials_of(capture, capture.truth)
+    seen = replace(capture, lights_at=np.broadcast_to(np.float32(LIGHTS), (capture.mask.sum(), *LIGHTS.shape)))
+    same(found, materials_of(seen, capture.truth))
+    part = capture.mask.copy()
+    part[:, :15] = False
+    some = materials_of(seen, Normals(capture.truth.map * part[..., None], part))
+    assert np.isnan(some.roughness[~part]).all() and not some.albedo[~part].any()
+    assert np.abs(some.albedo - found.albedo)[:, 18:].max() < 1e-4
 
 
 def test_samples_in_shadow_and_saturated_ones_do_not_count():

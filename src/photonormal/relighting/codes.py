@@ -35,4 +35,10 @@ class Codes:
 
     def __call__(self, C: Float[np.ndarray, "*p k"]) -> UInt8[np.ndarray, "*p k"]:
         """The codes of coefficients."""
-        return np.rint(C / self.step + self.zero).clip(0, 255).astype(np.uint8)
+        levels = C / self.step.astype(np.float32)
+        levels += self.zero.astype(np.float32)
+        return np.rint(levels, out=levels).clip(0, 255, out=levels).astype(np.uint8)
+
+    def __getitem__(self, which: int | slice | np.ndarray) -> Codes:
+        """Those of some coefficients."""
+        return Codes(self.step[which], self.zero[which])

@@ -55,18 +55,18 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
         scratch((k, h, w, 3), np.uint8) as planes,
     ):
 
-        def bands() -> Iterator[tuple[Band, np.ndarray]]:
+        def bands() -> Iterator[Band]:
             for band in fit.bands(white):
-                yield band, band.rgb[:, order].reshape(len(band.rgb), -1)
+                yield band
                 advance(len(band.rgb))
 
-        codes = Codes.of(C for _, C in bands())
+        columns = (3 * np.array(order)[:, None] + np.arange(3)).ravel()
+        codes = Codes.of(band.rgb.reshape(-1, 3 * k) for band in bands())[columns]
         for plane, zero in zip(planes, codes.zero.reshape(k, 3), strict=True):
             plane[:] = zero
-        for band, C in bands():
-            coded = codes(C).reshape(-1, k, 3)
+        for band in bands():
             for j, plane in enumerate(planes):
-                plane[band.rows][band.on] = coded[:, j]
+                plane[band.rows][band.on] = codes[3 * j : 3 * j + 3](band.rgb[:, order[j]])
         for j, plane in enumerate(planes):
             if tiled:
                 deepzoom.write(plane, f"plane_{j}", folder, *(("webp", _webp) if webp else ("jpg", _jpeg)))

@@ -8,19 +8,23 @@ import pytest
 from photonormal.calibration.circle import Circle
 from photonormal.calibration.search import find_spheres
 from photonormal.calibration.shadow import Surroundings, shadows
+from photonormal.calibration.sphere import look_at_spheres
 from tests.calibration.chrome import SHAPE, dome, highlight_at
 
 BALL, UP = Circle(150.0, 120.0, 20.0), np.array([0.0, 0.0, 1.0])
 
 
-def scene(lights, base=0.0) -> list[np.ndarray]:
-    """A black ball on a white table, in front of it its shadows, below it a darker round base of that radius."""
+def scene(lights, base=0.0, wrong=()) -> list[np.ndarray]:
+    """A black ball on a white table, in front of it its shadows, below it a darker round base of that radius.
+
+    The highlights of `wrong` pictures lie opposite.
+    """
     y, x = (a.ravel() for a in np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float))
     rng, away, made = np.random.default_rng(0), np.hypot(x - BALL.x, y - BALL.y), []
     dark = shadows(BALL, lights, UP, x, y)
-    for light, shaded in zip(lights, dark, strict=True):
+    for j, (light, shaded) in enumerate(zip(lights, dark, strict=True)):
         table = np.where(away < base, 0.3, 0.7) * (0.03 + light[2] * ~shaded)
-        sx, sy = highlight_at(light, (BALL.x, BALL.y), BALL.r)
+        sx, sy = highlight_at(light * [-1, -1, 1] if j in wrong else light, (BALL.x, BALL.y), BALL.r)
         picture = np.where(away < BALL.r, 0.02, table) + 2 * np.exp(-((x - sx) ** 2 + (y - sy) ** 2) / 1.5**2)
         made.append((picture + 0.004 * rng.standard_normal(picture.shape)).clip(0, 1).reshape(SHAPE).astype(np.float32))
     return made
@@ -78,3 +82,11 @@ def test_the_rim_of_a_base_is_not_the_ball_s():
     (sphere,) = find_spheres(lambda j: frames[j][..., None], len(frames), "chrome")
     assert np.hypot(sphere.circle.x - 150, sphere.circle.y - 120) < 0.5 and abs(sphere.circle.r - 20) < 0.4
     assert sphere.notes == ()
+
+
+def test_a_light_whose_highlight_was_another_thing_s_is_left_out_and_named():
+    frames = scene(dome(12, 70), wrong=(7,))
+    names = [f"{j}.png" for j in range(12)]
+    (sphere,) = look_at_spheres(lambda j: frames[j][..., None], SHAPE, names, "chrome")
+    assert sphere.astray == (7,) and np.flatnonzero(np.isnan(sphere.L[:, 0])).tolist() == [7]
+    assert [line for line in sphere.doubts(names) if "7.png" in line and "left out" in line] == sphere.doubts(names)

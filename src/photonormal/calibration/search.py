@@ -37,6 +37,10 @@ AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, 
 TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 TELLS = 0.85  # and from which it tells the sphere's circle from others
+ASTRAY = (
+    4.0,
+    0.12,
+)  # how far below the middle one picture's is, in what that lacks, and at least, if its highlight is wrong
 AS_DARK = (0.3, 0.01)  # how much less it may be, as part of what the best circle lacks, and absolute
 NEAR = (0.0, 0.02, 0.04, 0.06, 0.09)  # a sphere's radius as a part of the lamps' distance
 ROUNDS = 2  # of looking for highlights in a circle and improving it by its shadows
@@ -59,6 +63,7 @@ class Found:
     supported : its lights explain the shading of the rest of the frame
     unexplained : part of that shading which they don't
     shadows : correlation of what is dark around it with the shadows of that sphere under those lights
+    astray : pictures whose highlight is not where their shadow says
     """
 
     circle: Circle
@@ -69,6 +74,7 @@ class Found:
     supported: bool = False
     unexplained: float = 0.0
     shadows: float = 0.0
+    astray: tuple[int, ...] = ()
 
     def moved(self, x0: float, y0: float, scale: float) -> Found:
         """The same in pixels of the photograph: this place begins at (x0, y0) and was seen `scale` times as large."""
@@ -189,7 +195,9 @@ def _in_place(
 
     def seen(c: Circle, near: Sequence[float] = NEAR) -> Found:
         xy, mirrored = _mirrored(c, dark)
-        return Found(c, xy, mirrored, shadows=max(around.explained(c, xy, part) for part in near))
+        explained, part = max((around.explained(c, xy, part), part) for part in near)
+        found = Found(c, xy, mirrored, shadows=explained)
+        return replace(found, astray=_astray(around.of_each(c, xy, part))) if found.shades else found
 
     def of_edges(c: Circle) -> Found:
         return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else Found(c, none, 0.0)
@@ -209,6 +217,12 @@ def _in_place(
         sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
         found.append(replace(cast, circle=replace(c, confidence=sure, residual_px=0.0)))
     return [f.moved(x0, y0, scale) for f in found]
+
+
+def _astray(each: np.ndarray) -> tuple[int, ...]:
+    """Pictures whose shadow is far less explained than the others'."""
+    middle = float(np.nanmedian(each)) if np.isfinite(each).any() else 0.0
+    return tuple(np.flatnonzero(each < middle - max(ASTRAY[0] * (1 - middle), ASTRAY[1])).tolist())
 
 
 def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:

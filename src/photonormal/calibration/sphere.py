@@ -15,6 +15,7 @@ from photonormal.calibration.search import Found, find_spheres
 from photonormal.calibration.survey import Photograph
 from photonormal.types import InputError
 
+SAME = (0.05, 1.0)  # distance, in radii and in pixels, within which two highlights are one
 GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
 
 
@@ -50,6 +51,7 @@ class Sphere:
     points : (n, 3) where they were reflected, see `mirror.directions`
     shape : (h, w) of the photographs
     notes : what the search wants the user to know
+    astray : pictures whose highlight was another thing's, as their shadow tells
     """
 
     where: str
@@ -60,6 +62,7 @@ class Sphere:
     points: np.ndarray
     shape: tuple[int, int]
     notes: tuple[str, ...] = ()
+    astray: tuple[int, ...] = ()
 
     @property
     def confidence(self) -> str:
@@ -80,7 +83,12 @@ class Sphere:
                 f"the sphere in {self.where} was found with a confidence of {self.circle.confidence:.2f} only; look at "
                 "the picture, and give --circle x,y,r where the circle is off."
             )
-        missing = [name for name, h in zip(names, self.highlights, strict=True) if h is None]
+        if self.astray:
+            found.append(
+                f"the shadow of the sphere in {self.where} does not lie where the highlight says in "
+                f"{', '.join(names[j] for j in self.astray)}: another thing's was taken, and these lights are left out."
+            )
+        missing = [names[j] for j, h in enumerate(self.highlights) if h is None and j not in self.astray]
         if missing:
             found.append(
                 f"no highlight was found on the sphere in {', '.join(missing)} of {self.where}: the light is off "
@@ -143,7 +151,17 @@ def _one(
     cut = Circle(circle.x - x0, circle.y - y0, circle.r)
     highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
     check_highlights(highlights, names, circle, where)
-    moved = tuple(h and h.moved(x0, y0) for h in highlights)
+    moved = [h and h.moved(x0, y0) for h in highlights]
+    astray = tuple(j for j, h in enumerate(moved) if h and _elsewhere(found, j, h)) if found.shades else ()
+    moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
     L, points = directions(circle, xy, camera.focal_px, camera.axis(shape))
-    return Sphere(where, circle, found.rival, moved, L, points, (shape[0], shape[1]), found.notes)
+    return Sphere(where, circle, found.rival, tuple(moved), L, points, (shape[0], shape[1]), found.notes, astray)
+
+
+def _elsewhere(found: Found, j: int, highlight: Highlight) -> bool:
+    """Whether the highlight of picture j is not the one that explains its shadow."""
+    x, y = found.xy[j]
+    return j in found.astray or bool(
+        np.hypot(highlight.x - x, highlight.y - y) > max(SAME[0] * found.circle.r, SAME[1])
+    )

@@ -55,7 +55,8 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "synth": BASE | {"capture", "progress"},
     "train": BASE | {"capture", "methods", "scoring", "synth", "progress"},
     "doctor": BASE | {"calibration"},
-    "rig": BASE | {"capture", "calibration", "doctor", "export", "progress"},
+    "rig": BASE | {"capture", "calibration", "doctor", "export", "methods", "progress"},
+    "object_lights": BASE | {"capture", "export", "methods", "progress"},
     "measurement": BASE
     | {"capture", "methods", "materials", "integration", "scoring", "progress", "doctor", "resources"},
     "job": BASE | {"capture", "methods", "measurement", "export", "rig", "provenance"},

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from photonormal.capture import files_read, load, place_of, told
+from photonormal.capture import UNKNOWN, files_read, lights_from, load, place_of, told
 from photonormal.export.folder import whole_folder
 from photonormal.export.mesh import FACES
 from photonormal.export.result import write_result
@@ -89,7 +89,8 @@ class Job:
         del options["reading"]
         options.pop("memory", None)
         given = {k: v for k, v in options.items() if v not in (None, "", False)}
-        return {k: str(v.resolve()) if isinstance(v, Path) else v for k, v in sorted(given.items())}
+        files = {k: str(v if v == UNKNOWN else v.resolve()) for k, v in given.items() if isinstance(v, Path)}
+        return dict(sorted((given | files).items()))
 
     def provenance(self, read: Mapping[Path, Stamp]) -> dict[str, Any]:
         """All that its result depends on; `read` are the files that were opened."""
@@ -133,7 +134,7 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]
                     expected_error=job.expected_error,
                     precision=job.precision,
                     materials=job.materials,
-                    lights="refined" if job.refine_lights else "given",
+                    lights=lights_from(reading.get("lights"), job.refine_lights),
                 )
                 for name, data in extra.files.items():
                     folder.write(name, data)

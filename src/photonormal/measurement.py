@@ -53,8 +53,9 @@ def measure(
     expected_error : whether to tell how far each normal is expected to be off
     examine : whether to look for faults of the photographs and lights (`photonormal.doctor`), the report's warnings
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
-    lights : "given", or "refined": the capture's lights may be off by some degrees each and are mended by what the
-        photographs show (`photonormal.methods.uncalibrated`)
+    lights : "given"; "refined": the capture's lights may be off by some degrees each and are mended by what the
+        photographs show; "unknown": the capture's are not looked at, all is found from the photographs, intensities,
+        too (`photonormal.methods.uncalibrated`)
     materials : whether to tell what the surface is made of (`photonormal.materials`), which takes lights
 
     Raises
@@ -73,22 +74,22 @@ def measure(
     if examine:
         with _stage("read", seconds):
             samples = _read(capture)
-    if lights != "given":
-        from photonormal.methods.uncalibrated import found_lights
-
-        with _stage("lights", seconds):
-            told = found_lights(capture, lights)
-        capture, warnings = told.shown_by(capture), list(told.notes)
-    if examine:
-        with _stage("check", seconds), progress("checking"):
-            findings = check(capture)
-        warnings += [finding.message for finding in findings]
     from photonormal.methods.engine import on_mask, run, with_lights
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
     from photonormal.methods.learned.processor import computing_in, number_format
 
     where = torch_device(device)
+    if lights != "given":
+        from photonormal.methods.uncalibrated import found_lights
+
+        with _stage("lights", seconds), computing_in(precision):
+            told = found_lights(capture, lights, device)
+        capture, warnings = told.shown_by(capture), list(told.notes)
+    if examine:
+        with _stage("check", seconds), progress("checking"):
+            findings = check(capture)
+        warnings += [finding.message for finding in findings]
     with _stage("solve", seconds):
         with computing_in(precision):
             found = run(solver, capture, where)

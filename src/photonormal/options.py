@@ -33,7 +33,7 @@ Frame = Annotated[
     Meta(description="opengl, directx, y-down, z-away or blender"),
 ]
 DrawnOn = Annotated[Literal["", "stored", "shown"], Meta(description="stored or shown")]
-LightsFrom = Annotated[Literal["given", "refined"], Meta(description="given or refined")]
+LightsFrom = Annotated[Literal["given", "refined", "unknown"], Meta(description="given, refined or unknown")]
 Precision = Annotated[Literal["auto", "float32", "bf16"], Meta(description="auto, float32 or bf16")]
 
 

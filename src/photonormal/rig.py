@@ -22,9 +22,9 @@ from photonormal.capture.pictures import find_mask, find_pictures, no_pictures, 
 from photonormal.capture.texts import read_lines
 from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
-from photonormal.options import Coordinate, Positive, check_value
+from photonormal.options import Coordinate, LightsFrom, Positive, check_value
 from photonormal.progress import progress
-from photonormal.types import InputError, cores
+from photonormal.types import Capture, InputError, cores
 
 if TYPE_CHECKING:
     from photonormal.doctor.finding import Finding
@@ -174,7 +174,11 @@ def calibrate(
 
 
 def check(
-    capture: str | Path, out: str | Path | None = None, overwrite: bool = False, **how: Any
+    capture: str | Path,
+    out: str | Path | None = None,
+    overwrite: bool = False,
+    lights_from: LightsFrom = "given",
+    **how: Any,
 ) -> tuple[list[Finding], list[Path]]:
     """What is wrong with a capture, grave findings first, and the files written.
 
@@ -182,16 +186,24 @@ def check(
     ----------
     capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to
     out : folder for report.json, a polar plot of the lights, and corrected lights where other ones fit; None: no files
+    lights_from : "given", or those that are checked are found from the photographs first, as `pn.measure` does it
     """
     from photonormal.doctor import check as findings_of
     from photonormal.doctor.coverage import polar_plot
+    from photonormal.doctor.finding import Finding
     from photonormal.export import lights as text
     from photonormal.export.folder import report, whole_folder
     from photonormal.png import encode_png
 
-    photographs = load(capture, **how)
+    photographs, told = load(capture, **how), None
+    if lights_from != "given":
+        from photonormal.methods.uncalibrated import found_lights
+
+        told = found_lights(photographs, lights_from)
+        photographs = told.shown_by(photographs)
     with progress("checking"):
         found = findings_of(photographs)
+    found += [Finding("lights", False, note) for note in told.notes] if told else _off(photographs, found)
     if out is None:
         return found, []
     with whole_folder(Path(out), overwrite, files_read(capture, photographs, *how.values())) as folder:
@@ -214,6 +226,23 @@ def check(
             folder.write("corrected.png", encode_png(polar_plot(normalised(fixed - middle))))
         report(folder, content)
     return found, [Path(out) / name for name in sorted(folder.names)]
+
+
+def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
+    """Lights that the photographs speak against, where no other finding tells better ones."""
+    from photonormal.doctor.finding import Finding
+    from photonormal.methods.uncalibrated.refine import mended
+
+    better = None if any(finding.lights is not None for finding in found) else mended(capture)
+    if better is None or better.moved_deg is None:
+        return []
+    moved = {name: round(float(v), 1) for name, v in zip(capture.image_names, better.moved_deg, strict=True)}
+    worst = max(moved, key=moved.__getitem__)
+    message = (
+        f"the photographs fit lights better that are {better.moved_deg.mean():.1f} degrees from the given ones in the "
+        f"mean, at most {moved[worst]:.1f} ({worst}); measure with --refine-lights."
+    )
+    return [Finding("lights", False, message, {"moved_deg": moved}, better.lights)]
 
 
 def intensities(

@@ -9,6 +9,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from photonormal.options import LightsFrom
 from photonormal.types import Capture, InputError
 
 CROP = "crop.txt"  # x,y,width,height of what is read of the photographs beside it
@@ -118,6 +121,18 @@ def own_crop(folder: Path) -> str:
     return "" if re.fullmatch(r"\d+(\s+\d+){3}", text) else text
 
 
+def intensities_of(capture: Capture) -> np.ndarray | None:
+    """The intensities (n,) that a capture's files were divided by, as grey levels; None where they tell none."""
+    from photonormal.shading import LUMA
+
+    images: Any = capture.images
+    while hasattr(images, "images"):
+        images = images.images
+    e = np.asarray(getattr(images, "intensities", np.ones((1, 1))))
+    grey = e @ np.array(LUMA) if e.shape[1] == 3 else e[:, 0]
+    return None if np.ptp(grey) == 0 else grey
+
+
 def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
     """The folder, the pictures and those of `others` that are paths: what must not be written over by results."""
     from photonormal.capture.images import parts
@@ -137,3 +152,10 @@ def told(path: str | Path, how: dict[str, Any], capture: Capture) -> dict[str, A
     files = {key: str(v if v == UNKNOWN else v.resolve()) for key, v in how.items() if isinstance(v, Path)}
     reading = {key: v for key, v in how.items() if v} | files
     return {"source": source, "reading": reading} | ({"encoding": capture.encoding} if capture.encoding else {})
+
+
+def lights_from(lights: Path | None, refine: bool) -> LightsFrom:
+    """Where the lights come from, by --lights and --refine-lights."""
+    if lights == UNKNOWN and refine:
+        raise InputError("--refine-lights came with --lights unknown but it mends lights that are given; drop one.")
+    return "unknown" if lights == UNKNOWN else "refined" if refine else "given"

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
+import numpy as np
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional
 
 from photonormal.cli.kinds import File, Millimetres, tell
 from photonormal.options import Frame
-from photonormal.types import InputError, Normals
+from photonormal.types import Capture, InputError, Normals
 
 
 @dataclass(frozen=True)
@@ -56,18 +57,37 @@ class Score:
         from photonormal.capture import load
         from photonormal.scoring import score
 
-        truth = load(self.capture, format=self.format).truth
-        if truth is None:
+        known = load(self.capture, format=self.format)
+        if known.truth is None:
             raise InputError(f"{self.capture} has no true normals to score against; add Normal_gt.mat.")
-        result = score(self.reading.normals(self.result, self.frame), truth).as_dict()
+        result = score(self.reading.normals(self.result, self.frame), known.truth).as_dict()
+        lights = scored_lights(known, self.result)
         if self.json:
-            print(json.dumps(result))
+            print(json.dumps(result | ({"lights": lights} if lights else {})))
         else:
             print(
                 f"mean {result['mean_deg']:.2f}, median {result['median_deg']:.2f} degrees; "
                 f"{result['below_15']:.1f} % below 15, {result['below_30']:.1f} % below 30 ({result['pixels']} pixels)"
             )
+            if lights:
+                percent = f", intensities {lights['intensity_percent']:.1f} %" if "intensity_percent" in lights else ""
+                print(f"lights: mean {lights['mean_deg']:.2f}, at most {lights['most_deg']:.2f} degrees{percent}")
         return 0
+
+
+def scored_lights(known: Capture, result: Path) -> dict[str, float] | None:
+    """How wrong the lights are that a result folder's report says were found; None where there are none."""
+    from photonormal.capture import intensities_of
+    from photonormal.export.folder import listed
+    from photonormal.scoring.lights import score_lights
+    from photonormal.view.result import report_of
+
+    if listed(result) is None or known.lights is None or (found := report_of(result).get("found_lights")) is None:
+        return None
+    e = found.get("intensities")
+    directions = np.array(found["directions"], float).reshape(-1, 3)
+    true = None if e is None else intensities_of(known)
+    return score_lights(directions, known.lights, None if e is None else np.array(e, float), true).as_dict()
 
 
 @dataclass(frozen=True)

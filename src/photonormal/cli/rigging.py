@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from tyro.conf import Positional
 
+from photonormal.capture import lights_from
 from photonormal.cli.kinds import Box, Folder, Millimetres, Numbers, Pixels, next_step, warn, words_of
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.options import Count, Frame
-from photonormal.types import printable
+from photonormal.types import InputError, printable
 
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Light directions from photographs of a mirror sphere."""
+    """Light directions from photographs of a mirror sphere, or of the object alone."""
 
     folder: Positional[Path]
     """The object's photographs, which the lights are for."""
     sphere: tuple[Path, ...] = (Path("AUTO"),)
     """Folders with photographs of a mirror sphere under the same lights in the same order; AUTO: it is in FOLDER's."""
+    from_object: bool = False
+    """There is no sphere: directions and intensities are found from FOLDER's photographs of the object."""
     out: Path = Path("lights.lp")
     """File to write; light_directions.txt, a JSON report and a picture of what was found are written beside it."""
     circle: Annotated[tuple[str, ...], tyro.conf.arg(metavar="X,Y,R")] = ()
@@ -47,6 +50,8 @@ class Calibrate:
         from photonormal.export.folder import as_json
         from photonormal.rig import calibrate
 
+        if self.from_object:
+            return self.by_object()
         report = calibrate(
             self.folder,
             self.sphere,
@@ -72,6 +77,29 @@ class Calibrate:
         print(f"{len(report['lights'])} lights: {', '.join(report['files'])}")
         frame = () if self.frame == "opengl" else ("--frame", self.frame)
         next_step("check", self.folder, "--lights", self.out, *frame)
+        return 0
+
+    def by_object(self) -> int:
+        """Lights without a sphere."""
+        from photonormal.export.folder import as_json
+        from photonormal.object_lights import calibrate_from_object
+
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        for name in ("sphere", "circle", "count", "focal_px", "radius_mm", "skip"):
+            if given[name] != type(self).__dataclass_fields__[name].default:
+                raise InputError(
+                    f"--{name.replace('_', '-')} came with --from-object but it is about a sphere; leave it out."
+                )
+        report = calibrate_from_object(self.folder, self.out, frame=self.frame, overwrite=self.overwrite)
+        warn(report["warnings"])
+        if self.json:
+            print(as_json(report).decode(), end="")
+            return 0
+        print(f"{len(report['lights'])} lights: {', '.join(report['files'])}")
+        frame = () if self.frame == "opengl" else ("--frame", self.frame)
+        next_step(
+            "measure", self.folder, "--lights", self.out, *frame, "--intensities", report["files"][1], "--out", "result"
+        )
         return 0
 
 
@@ -135,6 +163,8 @@ class Check:
     """Print the findings as one JSON object."""
     strict: bool = False
     """End with code 1 where a finding is grave."""
+    refine_lights: bool = False
+    """Mend the lights by what the photographs show before they are checked."""
     read: Read = field(default_factory=Photographs)
 
     def __call__(self) -> int:
@@ -145,6 +175,7 @@ class Check:
             self.capture,
             self.out,
             overwrite=self.overwrite,
+            lights_from=lights_from(self.read.lights.lights, self.refine_lights),
             **self.read.how(),
         )
         grave = any(finding.grave for finding in found)

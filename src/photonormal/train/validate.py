@@ -103,7 +103,7 @@ def on_real(net: Model, device: torch.device, passes: int = 1) -> dict[str, floa
         capture = load(path)
         if isinstance(net, LightsNet):
             told = guess(net, load(path, lights="unknown"), device)
-            found[name] = score_lights(told.directions[0].numpy(), capture.known_lights()).mean_deg
+            found[name] = score_lights(told.lights.numpy(), capture.known_lights()).mean_deg
         elif isinstance(net, Network) and capture.truth is not None:
             normals = on_mask(measured(net, capture, device, passes=passes), capture)
             found[name] = score(normals, capture.truth).mean_deg

@@ -78,7 +78,7 @@ def test_curl_tells_a_map_that_is_no_bas_relief():
     assert told is not None
     D = A.T - np.eye(3)  # what takes the normals back, to first order
     expected = [D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1]]
-    np.testing.assert_allclose(told[0].numpy(), expected, atol=0.02)
+    np.testing.assert_allclose(told.told.numpy(), expected, atol=0.02)
     assert curl(N[:5], torch.from_numpy(np.arange(96 * 96).reshape(96, 96) < 5)) is None
 
 
@@ -86,7 +86,8 @@ def test_lights_and_normals_go_back_into_the_frame_of_believed_lights():
     truth, A, L = sphere(96, rim=0.9), bowl(0.05), scattered(30)
     N = torch.from_numpy(truth.map[truth.mask]) @ torch.from_numpy(np.linalg.inv(A).T).float()
     N, s = torch.nn.functional.normalize(N, dim=1), torch.from_numpy(L @ A).float()
-    found = settled(s, N, torch.from_numpy(truth.mask), Believed(torch.from_numpy(L).float(), 30.0))
+    told = [curl(N, torch.from_numpy(truth.mask)), None]
+    found = settled(s, Believed(torch.from_numpy(L).float(), 30.0), told)
     assert angle_deg(s.numpy(), L).mean() > 1.8
     assert angle_deg(found.numpy(), L).mean() < 0.5
 

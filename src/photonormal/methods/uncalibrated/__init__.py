@@ -7,14 +7,19 @@ from photonormal.options import LightsFrom
 from photonormal.types import Capture
 
 
-def found_lights(capture: Capture, how: LightsFrom) -> FoundLights:
-    """The distant lights of a capture: its own ones, mended ("refined").
+def found_lights(capture: Capture, how: LightsFrom, device: str = "auto") -> FoundLights:
+    """The distant lights of a capture: its own ones, mended ("refined"), or from its photographs alone ("unknown").
 
     Raises
     ------
     InputError
         If lights can't be found from these photographs.
     """
-    from photonormal.methods.uncalibrated.refine import refined
+    if how == "refined":
+        from photonormal.methods.uncalibrated.refine import refined
 
-    return refined(capture)
+        return refined(capture)
+    from photonormal.methods.engine.device import torch_device
+    from photonormal.methods.uncalibrated.unknown import told
+
+    return told(capture, torch_device(device))

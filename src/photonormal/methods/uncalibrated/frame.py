@@ -1,12 +1,15 @@
 """The frame that normals and lights share: photographs of a matt surface are the same after any linear map of both.
 
-I = b.s for scaled normals b and lights s, and so it is for b A^-T and s A. A is told by two things. The normals are a
-surface's, so their slopes have no curl: A. Yuille, D. Snow, CVPR 1997; that leaves the generalised bas-relief maps.
-And the lights lie near others that are believed on the whole: given ones, or those that a network tells.
+I = b.s for scaled normals b and lights s, and so it is for b (1 + E)^-T and s (1 + E). E is told by few things, to
+first order. The normals are a surface's, so their slopes have no curl: A. Yuille, D. Snow, CVPR 1997; that leaves the
+generalised bas-relief maps, and is as certain as the parts of the picture agree. And the lights lie near others that
+are believed on the whole: given ones, or those that a network tells. Where intensities are unknown, so that a tilt of
+all normals changes them alone, an object that is seen whole faces the camera in the mean.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
@@ -17,8 +20,11 @@ from photonormal.shading import normalised
 
 STEP = 3  # pixels over which slopes are compared
 STEEP = 0.2  # z of a normal below which its slopes say nothing
-PARTS = 5  # of the object in either direction, whose disagreement tells how certain the curl is
+PARTS = 5  # of the object in either direction, whose disagreement tells how certain something is
+FEWEST = 100  # pixels that tell something
 CURL_FLOOR = 0.015  # least standard error of what the curl says
+CURL_SECOND = 2.0  # and times the square of what it says, which is right to first order only
+FACING = 0.1  # standard deviation of x and y of the mean normal of an object that is seen whole
 ROUNDS = 12  # of reweighting
 KEPT = 1e8  # precision with which the map's trace stays: nothing tells the scale of all lights
 TRACE = torch.eye(3, dtype=torch.float64).flatten()
@@ -38,87 +44,116 @@ class Believed:
     independent: float
 
 
+@dataclass(frozen=True)
+class Evidence:
+    """`rows` of the nine entries of E, in rows of E, are `told`, with this precision (inverse covariance)."""
+
+    rows: Float[Tensor, "k 9"]
+    told: Float[Tensor, " k"]
+    precision: Float[Tensor, "k k"]
+
+
 def settled(
-    s: Float[Tensor, "n 3"], N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"], believed: Believed
+    s: Float[Tensor, "n 3"], believed: Believed, others: Sequence[Evidence | None], share: float = 1.0
 ) -> Float[Tensor, "n 3"]:
-    """The lights s, of any lengths, in the frame that the normals' curl and the believed lights speak for."""
-    A = torch.eye(3, dtype=torch.float64)
-    slopes = curl(N, inside)
+    """The lights s, of any lengths, in the frame that the believed lights and other evidence speak for.
+
+    `share` of the map is applied.
+    """
     unit, L = normalised(s.double()), believed.lights.double()
     across = torch.eye(3, dtype=torch.float64) - L[:, :, None] * L[:, None, :]  # (n, 3, 3): at right angles to each
-    J = torch.einsum("jab,jc->jacb", across, unit).reshape(-1, 9)  # of the angles, by the entries of E in s (1 + E)
+    J = torch.einsum("jab,jc->jacb", across, unit).reshape(-1, 9)
     r = (across @ (L - unit)[..., None]).reshape(-1)
+    H = KEPT * TRACE[:, None] * TRACE + torch.eye(9, dtype=torch.float64)
+    y = torch.zeros(9, dtype=torch.float64)
+    for told in others:
+        if told is not None:
+            H, y = H + told.rows.T @ told.precision @ told.rows, y + told.rows.T @ told.precision @ told.told
     w = torch.ones(len(L), dtype=torch.float64)
     E = torch.zeros(9, dtype=torch.float64)
     for _ in range(ROUNDS):
         off = (r - J @ E).unflatten(0, (-1, 3)).square().sum(1)
         variance = ((w * off).sum() / (2 * w.sum() - 8).clamp(min=2)).clamp(min=1e-5)
         weight = w.repeat_interleave(3) / variance * (believed.independent / len(L))
-        H = (J * weight[:, None]).T @ J + KEPT * TRACE[:, None] * TRACE + torch.eye(9, dtype=torch.float64)
-        y = (J * weight[:, None]).T @ r
-        if slopes is not None:
-            theta, precision = slopes
-            H, y = H + CURL_OF.T @ precision @ CURL_OF, y + CURL_OF.T @ precision @ theta
-        E = torch.linalg.solve(H, y)
+        E = torch.linalg.solve(H + (J * weight[:, None]).T @ J, y + (J * weight[:, None]).T @ r)
         w = 1 / (1 + off / (9 * off.median().clamp(min=1e-6)))
-    return (s.double() @ (A + E.reshape(3, 3))).to(s.dtype)
+    return (s.double() @ (torch.eye(3, dtype=torch.float64) + share * E.reshape(3, 3))).to(s.dtype)
 
 
-def curl_of() -> Float[Tensor, "5 9"]:
-    """From the entries of E, the map of the lights, to the five numbers of the normals' map -E^T that curl tells."""
-    D = torch.zeros(5, 3, 3, dtype=torch.float64)  # entry (i, k) of the normals' map is -E[k, i]
+def of_curl() -> Float[Tensor, "5 9"]:
+    """From the entries of E to the five numbers of the normals' map D = -E^T that their curl tells."""
+    D = torch.zeros(5, 3, 3, dtype=torch.float64)  # D[i, k] is -E[k, i]
     for row, (i, k) in enumerate(((1, 0), (1, 2), (0, 1), (0, 2))):
         D[row, k, i] = -1
     D[4, 0, 0], D[4, 1, 1] = -1, 1
     return D.flatten(1)
 
 
-CURL_OF = curl_of()
-
-
-def curl(
-    N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]
-) -> tuple[Float[Tensor, " 5"], Float[Tensor, "5 5"]] | None:
-    """What (1 + D), D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1], takes the curl away; and its precision.
+def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Evidence | None:
+    """What (1 + D), D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1], takes the curl of N's slopes away.
 
     None where too few normals have neighbours.
     """
-    h, w = inside.shape
-    map = torch.zeros(h, w, 3, dtype=torch.float64)
-    map[inside] = N.double()
-    there = map.norm(dim=-1) > 0.5
+    map = on_map(N.double(), inside)
+    there = map[..., 2] > STEEP
     k = STEP
-    middle, whole = inner(map, k), inner(there, k)
-    left, right, above, below = map[k:-k, : -2 * k], map[k:-k, 2 * k :], map[: -2 * k, k:-k], map[2 * k :, k:-k]
-    for v in (there[k:-k, : -2 * k], there[k:-k, 2 * k :], there[: -2 * k, k:-k], there[2 * k :, k:-k]):
-        whole = whole & v
-    whole = whole & (middle[..., 2] > STEEP)
-    if int(whole.sum()) < 20 * PARTS:
+    sides = [(slice(k, -k), slice(None, -2 * k)), (slice(k, -k), slice(2 * k, None))]
+    sides += [(columns, rows) for rows, columns in sides]
+    left, right, above, below = (map[side] for side in sides)
+    whole = there[k:-k, k:-k] & torch.stack([on_map(N.norm(dim=1), inside)[side] > 0.5 for side in sides]).all(0)
+    if int(whole.sum()) < FEWEST:
         return None
-    b = middle[whole]
+    b = map[k:-k, k:-k][whole]
     z2 = b[:, 2:].square()
     X = torch.linalg.cross(b, ((right - left) / (2 * k))[whole]) / z2  # b x db/dx over b_z^2, whose y is -dq/dx
     Y = torch.linalg.cross(b, ((above - below) / (2 * k))[whole]) / z2
     J = torch.stack([-Y[:, 0], -Y[:, 2], -X[:, 1], -X[:, 2], (Y[:, 1] - X[:, 0]) / 2], dim=1)  # (q, 5)
-    r = -(Y[:, 1] + X[:, 0])
     size = 1e-3 + X.norm(dim=1) + Y.norm(dim=1)
-    theta = torch.zeros(5, dtype=torch.float64)
-    eye = 1e-9 * torch.eye(5, dtype=torch.float64)
+    return fitted(of_curl(), J, -(Y[:, 1] + X[:, 0]), 1 / size, part_of(whole))
+
+
+def facing(N: Float[Tensor, "p 3"]) -> Evidence:
+    """An object that is seen whole faces the camera in the mean: what E[0, 2] and E[1, 2] turn its mean normal there.
+
+    These two tilt all normals and make lights on one side brighter, which nothing else tells where intensities are
+    unknown.
+    """
+    x, y, z = N.double().mean(0)
+    rows = torch.eye(9, dtype=torch.float64)[[2, 5]]
+    return Evidence(rows, torch.stack([x, y]) / z, torch.eye(2, dtype=torch.float64) / (FACING / z) ** 2)
+
+
+def fitted(
+    rows: Float[Tensor, "k 9"],
+    J: Float[Tensor, "q k"],
+    r: Float[Tensor, " q"],
+    weight: Float[Tensor, " q"],
+    part: Tensor,
+) -> Evidence:
+    """argmin sum_q weight_q log(1 + (r - J theta)_q^2 / spread^2); its covariance by how much the parts disagree."""
+    eye = torch.eye(J.shape[1], dtype=torch.float64)
+    theta = torch.zeros(J.shape[1], dtype=torch.float64)
+    v, H = weight, eye
     for _ in range(ROUNDS):
         off = r - J @ theta
-        v = 1 / (1 + (off / (1.5 * off.abs().median().clamp(min=1e-9))) ** 2) / size
-        H = (J * v[:, None]).T @ J
-        theta = torch.linalg.solve(H + eye, (J * v[:, None]).T @ r)
-    rows, columns = whole.nonzero().T
-    side = max(1, -(-max(h, w) // PARTS))
-    part = torch.unique((rows // side) * PARTS + columns // side, return_inverse=True)[1]
-    pull = torch.zeros(int(part.max()) + 1, 5, dtype=torch.float64)
-    pull.index_add_(0, part, J * (v * (r - J @ theta))[:, None])  # pyright: ignore[reportPossiblyUnboundVariable]
-    inverse = torch.linalg.inv(H + eye)  # pyright: ignore[reportPossiblyUnboundVariable]
-    covariance = inverse @ (pull.T @ pull) @ inverse + CURL_FLOOR**2 * torch.eye(5, dtype=torch.float64)
-    return theta, torch.linalg.inv(covariance)
+        v = weight / (1 + (off / (1.5 * off.abs().median().clamp(min=1e-9))) ** 2)
+        H = (J * v[:, None]).T @ J + 1e-9 * eye
+        theta = torch.linalg.solve(H, (J * v[:, None]).T @ r)
+    pull = torch.zeros(PARTS**2, J.shape[1], dtype=torch.float64)
+    pull.index_add_(0, part, J * (v * (r - J @ theta))[:, None])
+    inverse = torch.linalg.inv(H)
+    floor = (CURL_FLOOR**2 + (CURL_SECOND * theta**2) ** 2).diag()
+    return Evidence(rows, theta, torch.linalg.inv(inverse @ (pull.T @ pull) @ inverse + floor))
 
 
-def inner(x: Tensor, k: int) -> Tensor:
-    """Without k rows and columns at each edge."""
-    return x[k:-k, k:-k]
+def on_map(values: Tensor, inside: Bool[Tensor, "h w"]) -> Tensor:
+    """Values (p, ...) at the pixels inside as a map (h, w, ...), zero elsewhere."""
+    map = values.new_zeros(*inside.shape, *values.shape[1:])
+    map[inside] = values
+    return map
+
+
+def part_of(some: Bool[Tensor, "h w"]) -> Tensor:
+    """Which of PARTS x PARTS parts of the picture each of some pixels lies in."""
+    rows, columns = some.nonzero().T
+    return (rows * PARTS // some.shape[0]) * PARTS + columns * PARTS // some.shape[1]

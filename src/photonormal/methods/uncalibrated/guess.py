@@ -2,22 +2,53 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from photonormal.methods.inputs.scaling import moment, scaled
-from photonormal.methods.learned.lightsnet import SIDE, Lights, LightsNet
+from photonormal.methods.learned.lightsnet import SIDE, LightsNet
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.processor import inner_precision
 from photonormal.methods.uncalibrated.reduced import reduced
+from photonormal.shading import normalised
 from photonormal.types import Capture
 
+STRETCH = 1.12  # of x and y: means over all that a network holds possible are too near to the camera
 
-def guess(net: LightsNet, capture: Capture, device: torch.device) -> Lights:
-    """The lights (1, n, ...) of a capture's images, on the processor; the capture's own lights aren't looked at."""
+
+class Guess(NamedTuple):
+    """Lights of n images, from the photographs alone."""
+
+    lights: Float[Tensor, "n 3"]  # unit
+    intensities: Float[Tensor, " n"]  # of geometric mean 1
+    told_deg: Float[Tensor, " n"]  # how broad the network's answer is
+
+
+def guess(net: LightsNet, capture: Capture, device: torch.device) -> Guess:
+    """The mean over the eight symmetries of a square; the capture's own lights aren't looked at."""
     images, inside = reduced(capture, SIDE)
     images, mask = images[None].to(device), inside[None, None].to(device)
     net = placed(net, device).eval()
     with torch.inference_mode(), inner_precision(device):
         x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), images.shape[1])
-        told = net(x, mask)
-    return Lights(*(v.cpu() for v in told))
+        told = [net(turned(x, case), turned(mask, case)) for case in range(8)]
+        L = torch.stack([turned_back(t.directions[0], case) for case, t in enumerate(told)]).mean(0)
+        e = torch.stack([t.log_intensities[0] for t in told]).mean(0).exp()
+        doubt = torch.stack([t.told_deg[0] for t in told]).mean(0)
+    L = normalised(L * L.new_tensor([STRETCH, STRETCH, 1.0]))
+    return Guess(*(v.cpu().float() for v in (L, e, doubt)))
+
+
+def turned(maps: Tensor, case: int) -> Tensor:
+    """One of the eight symmetries of a square, of pictures: a mirror image from 4 on, then quarter turns."""
+    return torch.rot90(maps.flip(-1) if case >= 4 else maps, case % 4, (-2, -1))
+
+
+def turned_back(L: Float[Tensor, "n 3"], case: int) -> Float[Tensor, "n 3"]:
+    """Lights of pictures that were `turned`, as lights of the pictures before."""
+    for _ in range(case % 4):  # clockwise: (x, y) -> (y, -x)
+        L = torch.stack([L[:, 1], -L[:, 0], L[:, 2]], dim=1)
+    return L * L.new_tensor([-1.0, 1.0, 1.0]) if case >= 4 else L

@@ -8,28 +8,35 @@ from torch import Tensor
 
 from photonormal.methods.classical.l1 import L1
 from photonormal.methods.classical.trimmed import Trimmed
-from photonormal.methods.uncalibrated.frame import Believed, settled
+from photonormal.methods.uncalibrated.frame import Believed, curl, facing, settled
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.shading import angle_deg, cosines, normalised
 
 SPREAD = 0.1  # of a sample over its albedo, beyond which it loses weight: a highlight, or a shadow
 GRAZING = 0.05  # cosine below which a light tells nothing of itself at a pixel
+FAR = 10.0  # factor by which a light is brighter or darker than most, from which on its pixels don't tell it
 MANY = 16  # lights, of whose samples some can be left out
-ROUNDS = 8
+ROUNDS = 12
+DAMPED = 0.6  # share of the frame's map that is applied in a round where it may be large: lights unknown
 AGREE_DEG = 0.05  # mean change of the lights in a round, after which they have settled
+SETTLED_DEG = 0.6  # and from which on, in the last round, lights and normals contradict each other
 REWEIGHTED = 6
 
 
-def rounds(shown: Shown, L: Float[Tensor, "n 3"], believed: Believed) -> tuple[Tensor, Tensor, float]:
+def rounds(
+    shown: Shown, L: Float[Tensor, "n 3"], believed: Believed, unknown: bool = False
+) -> tuple[Tensor, Tensor, float]:
     """Lights s (n, 3) with their intensities as lengths, normals (p, 3), and the last mean change in degrees.
 
     `L` are the lights to start from, with their intensities as lengths, which the pictures still have in them.
+    `unknown`: so are the intensities, and the object is seen whole; else the pictures are free of intensities.
     """
     s, moved = L, float("inf")
     N = torch.zeros(len(shown.I), 3)
     for _ in range(ROUNDS):
         N = normals_under(shown, s)
-        before, s = normalised(s), settled(lights_of(shown, N, s), N, shown.inside, believed)
+        others = [curl(N, shown.inside), facing(N) if unknown else None]
+        before, s = normalised(s), settled(lights_of(shown, N, s), believed, others, DAMPED if unknown else 1.0)
         s = s / s.norm(dim=1).mean()
         moved = float(angle_deg(before, normalised(s)).mean())
         if moved < AGREE_DEG:
@@ -43,13 +50,18 @@ def normals_under(shown: Shown, s: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]
     return method.fit(shown.I / s.norm(dim=1), shown.keep, normalised(s))
 
 
-def over_albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
-    """The samples (p, n) over their pixel's albedo, and which pixels (p, 1) have one: a median over lit samples."""
+def albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, " p"]:
+    """A median over each pixel's lit samples; 0 where there is none."""
     shading = cosines(N, s)  # (p, n)
     seen = shown.keep & (shading > GRAZING)
-    rho = torch.where(seen, shown.I / shading.clamp(min=GRAZING), torch.nan).nanmedian(1, keepdim=True).values
-    known = (rho > 0) & (N.norm(dim=1, keepdim=True) > 0.5)  # nan is not
-    return torch.where(known, shown.I / torch.where(known, rho, 1), 0), known
+    rho = torch.where(seen, shown.I / shading.clamp(min=GRAZING), torch.nan).nanmedian(1).values
+    return rho.nan_to_num(0) * (N.norm(dim=1) > 0.5)
+
+
+def over_albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
+    """The samples (p, n) over their pixel's albedo, and which pixels (p, 1) have one."""
+    rho = albedo(shown, N, s)[:, None]
+    return torch.where(rho > 0, shown.I / torch.where(rho > 0, rho, 1), 0), rho > 0
 
 
 def misfit(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> float:
@@ -69,5 +81,8 @@ def lights_of(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) ->
         w = (shown.keep & known & (shading > GRAZING)) / (1 + ((I - shading) / spread) ** 2)
         A = (w.T @ NN).unflatten(1, (3, 3)) + 1e-3 * torch.eye(3)
         y = (w * I).T @ N
-        s = torch.linalg.solve(A, y)
+        found = torch.linalg.solve(A, y)
+        length = found.norm(dim=1, keepdim=True)
+        usual = (length > length.median() / FAR) & (length < length.median() * FAR)  # nan is not
+        s = torch.where(usual, found, s)  # a light that nothing tells of stays
     return s

@@ -1,0 +1,129 @@
+"""Lights found from photographs: how wrong they are, and what they cost in normals.
+
+    python benchmarks/lights.py ROOT                     # lights unknown; ROOT holds <object>PNG folders of DiLiGenT
+    python benchmarks/lights.py ROOT --images 10         # of ten of the photographs, three draws
+    python benchmarks/lights.py ROOT --wrong 5           # --refine-lights, from given ones that are 5 degrees off
+    python benchmarks/lights.py --rendered 24            # lights unknown, on rendered objects of held-out materials
+
+Angles are means in degrees; intensities' errors are scale-invariant, in per cent (`photonormal.scoring.lights`).
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+import photonormal as pn
+from photonormal.capture.texts import read_table
+from photonormal.methods.inputs.grey import grey_samples
+from photonormal.methods.uncalibrated import found_lights
+from photonormal.scoring.lights import intensity_error, score_lights
+from photonormal.types import Capture, InputError
+
+
+def shaken(lights: np.ndarray, deg: float, g: np.random.Generator) -> np.ndarray:
+    """Each light turned by its own error, `deg` in the mean (Rayleigh)."""
+    tilt = g.normal(size=lights.shape)
+    tilt -= (tilt * lights).sum(1, keepdims=True) * lights
+    tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
+    angle = np.radians(deg) * g.rayleigh(1 / np.sqrt(np.pi / 2), (len(lights), 1))
+    return lights * np.cos(angle) + tilt * np.sin(angle)
+
+
+def normals_deg(capture: Capture, method: str) -> float:
+    """Mean error of the normals of a capture under its lights."""
+    return pn.score(pn.solve(capture, method), capture.truth).mean_deg
+
+
+def unknown(raw: Capture, known: Capture, e: np.ndarray, method: str) -> str:
+    """A row of the table of lights that are unknown; `raw` is without lights, `known` with the true ones."""
+    found = found_lights(raw, "unknown")
+    off = score_lights(found.lights, known.known_lights(), found.intensities, e)
+    under = normals_deg(replace(found.shown_by(raw), truth=known.truth), method)
+    return f"{off.mean_deg:.2f} | {off.intensity_percent:.1f} | {under:.2f} | {normals_deg(known, method):.2f}"
+
+
+def some(capture: Capture, chosen: np.ndarray, lights: bool) -> Capture:
+    """Some images of a capture, in memory."""
+    images = np.stack([capture.images[int(j)] for j in chosen])
+    L = capture.known_lights()[chosen] if lights else None
+    return Capture(images, capture.mask, L, truth=capture.truth, name=capture.name)
+
+
+def real(root: Path, objects: list[str], images: int, wrong: float, method: str) -> None:
+    """Tables of DiLiGenT's objects."""
+    title = "before | after | normals, given | normals, mended" if wrong else "lights | intensities % | normals"
+    print(f"| object | {title} | normals, true lights |\n|{'---|' * (6 if wrong else 5)}")
+    for name in objects:
+        path = root / f"{name}PNG"
+        raw, known = pn.load(path, lights="unknown"), pn.load(path)
+        e = grey_samples(read_table(path / "light_intensities.txt").astype(np.float32))
+        n = known.images.shape[0]
+        for draw in range(3 if images or wrong else 1):
+            g = np.random.default_rng(draw)
+            if wrong:
+                bad = replace(known, lights=shaken(known.known_lights(), wrong, g))
+                found = found_lights(bad, "refined")
+                off = [score_lights(L, known.known_lights()).mean_deg for L in (bad.known_lights(), found.lights)]
+                row = " | ".join(f"{v:.2f}" for v in off)
+                under = (bad, found.shown_by(bad), known) if draw == 0 else ()
+                row += "".join(f" | {normals_deg(c, method):.2f}" for c in under)
+            else:
+                chosen = np.sort(g.permutation(n)[: images or n])
+                row = unknown(some(raw, chosen, False), some(known, chosen, True), e[chosen], method)
+            print(f"| {name} | {row} |", flush=True)
+
+
+def rendered(count: int, wide: bool) -> None:
+    """Errors on rendered objects of held-out materials, with lights' intensities between a half and twice."""
+    from photonormal.synth import Stream
+
+    whole = {"size": 128, "crop": 128, "crops": 1, "scenes": 4, "zoom": 0.0, "lights": (32, 32)}
+    stream = iter(Stream("validation", 4, seed=2**30, **whole, narrow=0.0 if wide else 1.0))
+    angles, wrong, refused = [], [], 0
+    g = np.random.default_rng(0)
+    while len(angles) + refused < count:
+        batch = next(stream)
+        for images, L, mask in zip(batch.images, batch.lights, batch.mask, strict=True):
+            e = np.exp(g.uniform(-np.log(2), np.log(2), len(L)))
+            pictures = images.permute(0, 2, 3, 1).numpy() * e[:, None, None, None].astype(np.float32)
+            try:
+                found = found_lights(Capture(pictures, mask[0].numpy()), "unknown")
+            except InputError as error:
+                print(error)
+                refused += 1
+                continue
+            assert found.intensities is not None
+            angles.append(score_lights(found.lights, L.numpy().astype(float)).mean_deg)
+            wrong.append(100 * intensity_error(found.intensities, e))
+            print(f"{angles[-1]:.2f} {wrong[-1]:.1f} {' '.join(found.notes)}", flush=True)
+    kind = "hemisphere" if wide else "narrow"
+    print(
+        f"{kind}, {count} objects: lights mean {np.mean(angles):.2f}, median {np.median(angles):.2f} degrees; "
+        f"intensities mean {np.mean(wrong):.1f}, median {np.median(wrong):.1f} %; {refused} refused"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("root", nargs="?", type=Path)
+    parser.add_argument("--objects", default="ball,bear,cat,reading")
+    parser.add_argument("--images", type=int, default=0)
+    parser.add_argument("--wrong", type=float, default=0.0)
+    parser.add_argument("--method", default="normalnet")
+    parser.add_argument("--rendered", type=int, default=0)
+    given = parser.parse_args()
+    if given.rendered:
+        for wide in (False, True):
+            rendered(given.rendered, wide)
+    elif given.root is None:
+        parser.error("ROOT is needed, a folder that holds <object>PNG folders, or --rendered")
+    else:
+        real(given.root, given.objects.split(","), given.images, given.wrong, given.method)
+
+
+if __name__ == "__main__":
+    main()

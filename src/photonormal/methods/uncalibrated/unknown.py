@@ -1,0 +1,82 @@
+"""Lights of which nothing is known: a network tells them, then lights and normals refine each other."""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.lighting import FoundLights
+from photonormal.methods.learned.weights import load, shipped
+from photonormal.methods.uncalibrated.frame import Believed
+from photonormal.methods.uncalibrated.guess import guess
+from photonormal.methods.uncalibrated.refine import check
+from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, rounds
+from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.progress import progress
+from photonormal.shading import angle_deg, normalised
+from photonormal.types import Capture, InputError
+
+WEIGHTS = "sdps-lights"
+INDEPENDENT = 3.0  # of the network's errors, most of which all lights of an object share
+SHADED = 0.02  # second singular value of the samples over the first, below which nothing but brightness differs
+SPREAD_DEG = 4.0  # of lights, in the direction in which they differ least, below which normals can't be found
+NARROW_DEG = 7.0  # and below which they are uncertain
+BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful
+
+
+def told(capture: Capture, device: torch.device) -> FoundLights:
+    """Directions and intensities of a capture's distant lights from its photographs alone.
+
+    Raises
+    ------
+    InputError
+        If there are too few photographs, they differ in nothing but brightness, or their lights are all in about one
+        plane or direction.
+    """
+    check(capture)
+    with progress("lights"):
+        shown = Shown.of(capture)
+        refuse_unshaded(shown, capture.name)
+        first = guess(load(shipped(WEIGHTS), "lightsnet"), capture, device)
+        start, believed = first.lights * first.intensities[:, None], Believed(first.lights, INDEPENDENT)
+        s, _, moved_deg = rounds(shown, start, believed, unknown=True)
+    apart_deg = float(angle_deg(normalised(s), first.lights).mean())
+    settled = moved_deg < SETTLED_DEG and apart_deg < float(first.told_deg.mean())
+    if not settled:
+        s = start
+    lights, intensities = normalised(s.double()), s.double().norm(dim=1)
+    narrow = spread_deg(lights)
+    if not narrow > SPREAD_DEG:
+        raise InputError(
+            f"the photographs of {capture.name} seem to be lit from about one plane or direction (lights differ by "
+            f"{narrow:.0f} degrees across it) and can't be measured; add photographs with the light from elsewhere, "
+            "or give the lights."
+        )
+    alone = (
+        "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
+    )
+    notes = [f"the lights were found from the photographs alone{alone}."]
+    if float(first.told_deg.mean()) > BROAD_DEG:
+        notes.append(
+            "Which way the light comes from is doubtful: what bulges may be a hollow, and relief too deep or too flat; "
+            "compare the result with the object."
+        )
+    if narrow < NARROW_DEG:
+        notes.append(f"The lights differ by {narrow:.0f} degrees only, so relief may be much too deep or too flat.")
+    return FoundLights(lights.numpy(), (intensities / intensities.mean()).numpy(), notes=tuple(notes))
+
+
+def refuse_unshaded(shown: Shown, name: str) -> None:
+    """InputError where pictures differ in nothing but brightness, so that they tell neither shape nor lights."""
+    values = torch.linalg.svdvals((shown.I.T @ shown.I).double()).sqrt()
+    if len(shown.I) < 50 or not values[1] > SHADED * values[0]:
+        raise InputError(
+            f"the photographs of {name} tell no lights: shading is the same in all of them; give photographs of a "
+            "curved object under different lights, or give the lights."
+        )
+
+
+def spread_deg(L: Float[Tensor, "n 3"]) -> float:
+    """How far lights are off a plane through the surface, root mean square, in degrees."""
+    return float(torch.rad2deg(torch.asin((torch.linalg.svdvals(L)[-1] / len(L) ** 0.5).clamp(max=1))))

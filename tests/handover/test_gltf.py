@@ -114,6 +114,17 @@ def test_the_material_is_matt_unless_the_result_says_how_rough_it_is(measured, t
     assert set(np.unique(rough.picture(told["metallicRoughnessTexture"])[..., 1])) == {64, 255}
 
 
+def test_measured_materials_are_the_colour_and_the_gloss(measured, tmp_path):
+    shutil.copytree(measured / "r", tmp_path / "r")
+    shape = relief(measured / "r").known.shape
+    cv2.imwrite(str(tmp_path / "r" / "base_colour.png"), np.full((*shape, 3), (30, 60, 90), np.uint8))
+    cv2.imwrite(str(tmp_path / "r" / "metalness.png"), np.full(shape, 255, np.uint8))
+    file = Read(b"".join(encoded(relief(tmp_path / "r"), 10**6)))
+    rough = file.material["pbrMetallicRoughness"]
+    assert (file.picture(rough["baseColorTexture"]) == (90, 60, 30)).all() and rough["metallicFactor"] == 1
+    assert (file.picture(rough["metallicRoughnessTexture"])[..., 2] == 255).all()
+
+
 def test_what_has_no_surface_is_refused(measured, tmp_path, refused):
     refused("--to", "gltf", "--out", tmp_path / "a.gltf", says=".glb")
     shutil.copytree(measured / "r", tmp_path / "r")

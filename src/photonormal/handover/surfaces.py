@@ -10,12 +10,13 @@ from jaxtyping import Float
 
 from photonormal.export import load_normals
 from photonormal.export.heights import read_depth
-from photonormal.export.pictures import read_albedo
+from photonormal.export.pictures import read_albedo, read_colours
 from photonormal.files.decode import decode, full_scale
 from photonormal.types import InputError, Normals, Surface
 from photonormal.view.result import mm_per_px_of, report_of
 
 MATERIAL = ("roughness.png", "metalness.png")
+BASE = "base_colour.png"  # in place of the albedo, where materials were measured
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Relief:
 
 
 def relief(result: Path, mm_per_px: float | None = None) -> Relief:
-    """Read a result; `roughness.png`, whose 0 means unknown, and `metalness.png` where it has them.
+    """Read a result; `base_colour.png`, `roughness.png`, whose 0 means unknown, and `metalness.png` where it has them.
 
     Raises
     ------
@@ -56,7 +57,8 @@ def relief(result: Path, mm_per_px: float | None = None) -> Relief:
     for name in ("depth.npz", "albedo.png"):
         if not (result / name).is_file():
             raise InputError(f"{result} holds no {name}, which a surface needs; measure again without --no-mesh.")
-    surface, albedo = read_depth(result / "depth.npz"), read_albedo(result / "albedo.png")
+    surface, base = read_depth(result / "depth.npz"), result / BASE
+    albedo = read_colours(base, normals.mask.shape) if base.is_file() else read_albedo(result / "albedo.png")
     roughness, metalness = (_layer(result / name) for name in MATERIAL)
     frame = normals.mask.shape
     names = ("depth.npz", "albedo.png", *MATERIAL)

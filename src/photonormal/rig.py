@@ -229,11 +229,11 @@ def check(
 
 
 def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
-    """Lights that the photographs speak against, where no other finding tells better ones."""
+    """Lights that the photographs speak against, where nothing grave was found, which they would hide."""
     from photonormal.doctor.finding import Finding
     from photonormal.methods.uncalibrated.refine import mended
 
-    better = None if any(finding.lights is not None for finding in found) else mended(capture)
+    better = None if any(finding.grave or finding.lights is not None for finding in found) else mended(capture)
     if better is None or better.moved_deg is None:
         return []
     moved = {name: round(float(v), 1) for name, v in zip(capture.image_names, better.moved_deg, strict=True)}

@@ -15,7 +15,7 @@ from photonormal.calibration.search import Found, find_spheres
 from photonormal.calibration.survey import Photograph
 from photonormal.types import InputError
 
-SAME = (0.05, 1.0)  # distance, in radii and in pixels, within which two highlights are one
+SAME = (0.1, 1.5)  # distance, in radii and in pixels, within which two highlights are one
 GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
 
 

@@ -37,10 +37,7 @@ AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, 
 TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 TELLS = 0.85  # and from which it tells the sphere's circle from others
-ASTRAY = (
-    4.0,
-    0.12,
-)  # how far below the middle one picture's is, in what that lacks, and at least, if its highlight is wrong
+ASTRAY = (6.0, 0.35)  # how far below the middle one picture may be, in what that lacks, and at least
 AS_DARK = (0.3, 0.01)  # how much less it may be, as part of what the best circle lacks, and absolute
 NEAR = (0.0, 0.02, 0.04, 0.06, 0.09)  # a sphere's radius as a part of the lamps' distance
 ROUNDS = 2  # of looking for highlights in a circle and improving it by its shadows

@@ -36,7 +36,9 @@ class Entry:
 
 
 def entries(text: str) -> list[Entry]:
-    """Entries from ``a,b`` or ``all`` (but those that take minutes an object); an entry is ``method``, ``label=method`` or ``label=method:option=value:...``.
+    """Entries from ``a,b`` or ``all``, which leaves out what takes minutes an object.
+
+    An entry is ``method``, ``label=method`` or ``label=method:option=value:...``.
 
     Raises
     ------

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import torch
 
-from photonormal.calibration.files import lp
+from photonormal.export.lights import lp
 from photonormal.synth.shadows import distant
 
 EMPTY = -1000.0  # height in pixels of where there is nothing

@@ -10,7 +10,7 @@ from photonormal.bench import bench, predict
 from photonormal.bench.scores import all_scored
 from photonormal.capture import load
 from photonormal.export import load_normals
-from photonormal.methods import METHODS, solve
+from photonormal.methods import solve
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
@@ -90,8 +90,7 @@ def test_a_method_that_fails_is_named_and_the_others_go_on(root, tmp_path, run, 
     assert "diligent, ball: trimmed: ZeroDivisionError: no window left" in err and len(err.splitlines()) == 3
 
 
-def test_absent_weights_are_named_and_the_others_go_on(root, tmp_path, run, monkeypatch):
-    monkeypatch.setitem(METHODS, "psfcn", "photonormal.methods.learned.psfcn:PSFCN")
+def test_absent_weights_are_named_and_the_others_go_on(root, tmp_path, run):
     methods = f"woodham,psfcn:weights={tmp_path / 'no.safetensors'}"
     code, out, err = run("bench", "diligent", root, "--methods", methods, "--out", tmp_path / "runs")
     assert code == 1 and "4 predictions stored" in out and "no.safetensors" in err

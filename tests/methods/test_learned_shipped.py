@@ -56,7 +56,7 @@ def test_the_card_s_figures_hold(name, data):
         if name == WEIGHTS:
             told = guess(load(shipped(name)), pn.load(path, lights="unknown"), torch.device("cpu"))
             off = score_lights(told.lights.numpy(), capture.known_lights()).mean_deg
-            assert off == pytest.approx(float(stated), abs=0.3)
+            assert off == pytest.approx(float(stated), abs=0.1)
             continue
         assert pn.score(pn.solve(capture, name, device="cpu"), capture.truth).mean_deg == pytest.approx(
             float(stated), abs=0.1

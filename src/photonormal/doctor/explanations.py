@@ -17,12 +17,9 @@ from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-HALFWAY, PARTS_AGREE = 0.9, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
+HALFWAY, PARTS_AGREE = 0.6, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
 LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
-CORRECTED, CLEARLY = (
-    0.5,
-    0.95,
-)  # misfit with twice the angles at which they are written, also as part of that with others
+CORRECTED = 0.5  # misfit with twice the angles below which they are written
 OFFSET, ENCODED = 0.7, 0.7  # misfit with light that stays on, and of linearised samples
 AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
 ON, OF_PIXELS = 0.1, 0.6  # that light, as part of full brightness, and the pixels that show most of it
@@ -150,7 +147,7 @@ def at_distance(
 def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
     """Directions are the normals of a mirror sphere where it shows the lamps: twice the angle to the axis fits best.
 
-    The corrected ones are told where neither less than twice nor more does nearly as well.
+    The corrected ones are told where little of the misfit is left.
     """
     reflected = raised(L, 2.0)
     if reflected[:, 2].min() < BEHIND:
@@ -162,14 +159,13 @@ def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, 
     others = [pixels.gain(pixels.fit(raised(L, factor))[1], after) for factor in (LESS, MORE)]
     if any(other.left > 1 for other in others):
         return None
-    sure = gain.left < CORRECTED or all(other.below(CLEARLY) for other in others)
     message = (
         "the lights' directions are halfway to the right ones: doubling their angles to the camera's axis fits "
         f"{1 / max(gain.left, 0.01):.1f} times better. They look like a mirror sphere's normals at its highlights, but "
         "the reflections there are needed, 2 (n.v) n - v."
     )
     numbers = {"misfit_left": round(gain.left, 4)}
-    return gain.left, Finding("halfway", True, message, numbers, lights=reflected if sure else None)
+    return gain.left, Finding("halfway", True, message, numbers, lights=reflected if gain.left < CORRECTED else None)
 
 
 def raised(L: Float[np.ndarray, "n 3"], factor: float) -> Float[np.ndarray, "n 3"]:

@@ -25,14 +25,7 @@ from photonormal.rig import AUTO, calibrate
 from photonormal.types import Capture, InputError
 
 PROVENANCE = "provenance"  # in a report
-WITHOUT_EFFECT = {
-    "capture",
-    "out",
-    "method",
-    "fast",
-    "device",
-    "overwrite",
-}  # fields that change no value, or that `made` tells
+WITHOUT_EFFECT = {"capture", "out", "method", "fast", "device", "overwrite"}  # on values, or told by `made`
 
 
 @dataclass(frozen=True)

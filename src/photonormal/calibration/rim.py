@@ -21,9 +21,7 @@ LINEAR = 4.4  # power that makes square roots of levels encoded as pictures are 
 SECTORS, IN_SECTOR = 48, 10  # around the circle, and directions averaged in each
 WINDOW = (6.0, 0.05)  # half the width looked at, in pixels of the photographs and in radii; the larger counts
 FARTHEST = 0.7  # of that width that the radius moves at most
-SMALL = (
-    40.0  # radius in pixels of the photographs below which the centre is fitted, too: shadows pull it on larger ones
-)
+SMALL = 40.0  # radius in pixels of the photographs up to which the centre is fitted, too; shadows pull larger ones
 INWARDS = 0.5  # pixels that an outline may lie inside the steepest place, which it never does but for noise
 STEP_COSTS = 1e-3  # of a step beside the fading, for each sample: on small spheres the two look alike
 

@@ -160,7 +160,6 @@ def shadows(
     dx, dy = (x - circle.x) / circle.r, (circle.y - y) / circle.r
     V = -np.stack([dx, dy, (-1 - T[0] * dx - T[1] * dy) / T[2]], axis=-1)  # (p, 3) to the sphere's centre, in radii
     v2, across = (V**2).sum(-1), L @ V.T
-    along = (across + near * v2) / np.sqrt(1 + 2 * near * across + near**2 * v2).clip(
-        1e-9
-    )  # V . (L + near V), made unit
+    size = np.sqrt(1 + 2 * near * across + near**2 * v2).clip(1e-9)  # of L + near V
+    along = (across + near * v2) / size  # V . (L + near V), made unit
     return (along > 0) & (v2 - along**2 < 1)

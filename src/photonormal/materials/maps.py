@@ -63,8 +63,9 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     where = torch.from_numpy(on)
     likelihood = torch.zeros(*on.shape, len(ROUGHNESS))
     colour = torch.zeros(*on.shape, capture.images.shape[3])
-    likelihood[where] = torch.cat([log_likelihood(samples(*part)) for part in seen])
-    colour[where] = torch.cat([samples(*part).albedo for part in seen])
+    told = [(log_likelihood(s), s.albedo) for s in (samples(*part) for part in seen)]
+    likelihood[where], colour[where] = (torch.cat(values) for values in zip(*told, strict=True))
+    del told
     roughness = likeliest(pooled(likelihood, colour)[where]).split([len(part[0]) for part in seen])
     del likelihood
     fits = [fitted(samples(*part), r) for part, r in zip(seen, roughness, strict=True)]

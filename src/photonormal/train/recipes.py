@@ -124,23 +124,20 @@ CPU = replace(
     validate=1500,
 )  # half of the paper network's width; at a rate of 0.02 Muon soon stands still here
 
-NORMALNET = Recipe(
+# our own networks: Muon from the start, at a flat rate, so that a training can be made longer
+OURS = Recipe(batch=32, lr=1e-3, schedule="flat", warmup=100, muon=0.02, clip=1.0, turns=True)
+
+NORMALNET = replace(
+    OURS,
     network="normalnet",
     rendering={"crop": 64, "crops": 2, "scenes": 64},
     reuse=4,
     images=(4, 96),
-    batch=32,
     steps=100_000,
-    lr=1e-3,
-    schedule="flat",
-    warmup=100,
-    muon=0.02,
-    clip=1.0,
     priors=(("trimmed", 0.35), ("woodham", 0.25), ("l1", 0.1), ("truth", 0.3)),
     passes=2,
     once=1500,
     loss="chord",
-    turns=True,
 )
 
 NORMALNET_CPU = replace(
@@ -155,7 +152,8 @@ NORMALNET_CPU = replace(
 )
 
 # whole objects, lights exactly known: what a network learns to tell of them
-LIGHTS = Recipe(
+LIGHTS = replace(
+    OURS,
     network="lightsnet",
     rendering={
         "size": 64,
@@ -167,17 +165,10 @@ LIGHTS = Recipe(
         "corrupted": 0.1,
     },
     images=(6, 32),
-    batch=32,
     steps=60_000,
-    lr=1e-3,
-    schedule="flat",
-    warmup=100,
-    muon=0.02,
-    clip=1.0,
     ema=0.999,
     priors=(),
     intensities=(0.5, 2.0),
-    turns=True,
 )
 
 RECIPES = {

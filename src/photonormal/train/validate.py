@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -22,7 +22,7 @@ from photonormal.methods.uncalibrated.guess import guess
 from photonormal.scoring import score
 from photonormal.scoring.lights import intensity_error, score_lights
 from photonormal.shading import angle_deg
-from photonormal.train.observe import observe
+from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
 
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
@@ -53,19 +53,24 @@ def on_rendered(net: Model, batches: Iterable, recipe: Recipe) -> dict[str, floa
     return normals_on(net, batches, recipe) if isinstance(net, Network) else lights_on(net, batches, recipe)
 
 
+def shown(net: Model, batches: Iterable, recipe: Recipe) -> Iterator[Observed]:
+    """What a network is shown of an exam; it does not train meanwhile."""
+    net.eval()
+    for i, batch in enumerate(batches):
+        yield observe(batch, recipe, net.scaling, i, vary=False)
+    net.train()
+
+
 @torch.no_grad()
 def lights_on(net: Model, batches: Iterable, recipe: Recipe) -> dict[str, float]:
     """Mean and median angle of the lights' directions, degrees, and the intensities' error (%)."""
-    net.eval()
     angles, wrong = [], []
-    for i, batch in enumerate(batches):
-        seen = observe(batch, recipe, net.scaling, i, vary=False)
+    for seen in shown(net, batches, recipe):
         with inner_precision(seen.images.device):
             found = net(seen.images, seen.mask)
         angles.append(angle_deg(found.directions.double(), seen.lights.double()).flatten())
         told, drawn = (e.cpu().double().numpy() for e in (found.log_intensities.exp(), seen.intensities))
         wrong += [intensity_error(*pair) for pair in zip(told, drawn, strict=True)]
-    net.train()
     e = torch.cat(angles)
     return {"mean_deg": float(e.mean()), "median_deg": float(e.median()), "intensity": 100 * float(np.mean(wrong))}
 
@@ -73,15 +78,12 @@ def lights_on(net: Model, batches: Iterable, recipe: Recipe) -> dict[str, float]
 @torch.no_grad()
 def normals_on(net: Network, batches: Iterable, recipe: Recipe) -> dict[str, float]:
     """Mean angular error of the network and of its prior, and the network's shares below 15 and 30 degrees (%)."""
-    net.eval()
     ours, priors = [], []
-    for i, batch in enumerate(batches):
-        seen = observe(batch, recipe, net.scaling, i, vary=False)
+    for seen in shown(net, batches, recipe):
         with inner_precision(seen.images.device):
             found = net(seen.images, seen.lights, seen.prior, recipe.passes)[-len(seen.prior) :]
         ours.append(errors_deg(found[:, :3], seen.normals, seen.mask))
         priors.append(errors_deg(seen.prior, seen.normals, seen.mask))
-    net.train()
     e = torch.cat(ours)
     found = {"mean_deg": float(e.mean()), "below_15": 100 * float((e < 15).double().mean())}
     found["below_30"] = 100 * float((e < 30).double().mean())

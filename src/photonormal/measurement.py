@@ -22,7 +22,7 @@ from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
 from photonormal.resources import peak_mb
 from photonormal.scoring import score
-from photonormal.types import Capture, Result, box_of
+from photonormal.types import Capture, InputError, Result, box_of
 
 
 def measure(
@@ -71,15 +71,23 @@ def measure(
     seconds: dict[str, float] = {}
     samples, warnings, told = None, [], None
     findings: list[Finding] = []
-    if examine:
-        with _stage("read", seconds):
-            samples = _read(capture)
+    from photonormal.methods.engine import check as check_needs
     from photonormal.methods.engine import on_mask, run, with_lights
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
     from photonormal.methods.learned.processor import computing_in, number_format
 
     where = torch_device(device)
+    if lights == "given":
+        check_needs(solver, capture)
+        if materials and capture.lights is None and not solver.needs.finds_lights:
+            raise InputError(
+                f"{capture.name} has no light directions but materials need them; add light_directions.txt or an .lp, "
+                "or leave --materials out."
+            )
+    if examine:
+        with _stage("read", seconds):
+            samples = _read(capture)
     if lights != "given":
         from photonormal.methods.uncalibrated import found_lights
 

@@ -1,19 +1,23 @@
 """Spheres of known roughness, and what must not change it."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
 import torch
 
+import photonormal as pn
 from photonormal.cli import main
 from photonormal.files.decode import decode
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.masked import row_bands
 from photonormal.materials import maps, materials_of
 from photonormal.materials.lobes import samples
-from photonormal.types import Capture, Normals
+from photonormal.methods import METHODS
+from photonormal.methods.contract import Needs, Solution
+from photonormal.types import Capture, InputError, Normals
 from tests.scenes import lambertian, sphere, write_diligent
 
 LIGHTS = fibonacci_hemisphere(120)
@@ -114,6 +118,28 @@ def test_samples_in_shadow_and_saturated_ones_do_not_count():
     white = np.quantile(images[:, capture.mask], 0.995)
     clipped = replace(capture, images=images.clip(max=white), saturation=np.full((len(LIGHTS), 3), white))
     assert np.nanmedian(np.abs(middle(materials_of(clipped, capture.truth).roughness) - 0.35)) < 0.03
+
+
+@dataclass(frozen=True)
+class WithoutLights:
+    """A method that does without lights, and counts how often it is asked."""
+
+    needs: ClassVar[Needs] = Needs(lights=False, reads="object")
+    asked: ClassVar[list] = []
+
+    def __call__(self, seen):
+        self.asked.append(seen)
+        return Solution(torch.tensor([0.0, 0.0, 1.0]).expand(len(seen.I), 3))
+
+
+def test_without_lights_materials_are_refused_before_anything_is_computed(monkeypatch):
+    monkeypatch.setitem(METHODS, "blind", f"{__name__}:WithoutLights")
+    dark = replace(shiny(0.35), lights=None)
+    with pytest.raises(InputError, match="has no light directions but materials need them"):
+        pn.measure(dark, "blind", materials=True)
+    assert not WithoutLights.asked
+    pn.measure(dark, "blind", expected_error=False, examine=False)
+    assert WithoutLights.asked
 
 
 def test_the_command_writes_the_maps(tmp_path):

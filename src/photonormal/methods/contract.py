@@ -23,6 +23,7 @@ class Needs:
     ----------
     images : least number of them, each under its own light
     lights : whether it has to be told the light directions; else it finds them, or does without
+    finds_lights : it returns them where they were not told
     reads : "pixels", each by itself; "stream", images one after the other; "object", all samples at once
     optimises : it learns while it measures, so gradients are kept
     double : it computes in double precision
@@ -30,6 +31,7 @@ class Needs:
 
     images: int = 3
     lights: bool = True
+    finds_lights: bool = False
     reads: Literal["pixels", "stream", "object"] = "pixels"
     optimises: bool = False
     double: bool = False

@@ -48,7 +48,7 @@ class Learning:
     """A matt surface under unknown lights, up to one linear map: normals and lights by descent."""
 
     steps: int = 60
-    needs: ClassVar[Needs] = Needs(images=4, lights=False, reads="object", optimises=True)
+    needs: ClassVar[Needs] = Needs(images=4, lights=False, finds_lights=True, reads="object", optimises=True)
 
     def __call__(self, seen: Observations) -> Solution:
         assert seen.L is None and seen.mask is not None and seen.pictures is not None

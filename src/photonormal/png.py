@@ -27,6 +27,44 @@ def encode_png(picture: np.ndarray, chunks: dict[bytes, bytes] | None = None) ->
     return b"".join([data[:HEADER_END], *parts, data[HEADER_END:]])
 
 
+class PngRows:
+    """A PNG as `encode_png` makes it, written into an open file some rows after the other; `close` ends it."""
+
+    def __init__(
+        self,
+        file: BinaryIO,
+        size: tuple[int, int],
+        dtype: np.dtype | type,
+        colour: bool,
+        chunks: dict[bytes, bytes] | None = None,
+    ) -> None:
+        depth = np.dtype(dtype).itemsize
+        self._file, self._kind, self._pixel = file, np.dtype(dtype).newbyteorder(">"), depth * (3 if colour else 1)
+        self._pack = zlib.compressobj(1, strategy=zlib.Z_RLE)
+        header = struct.pack(">IIBBBBB", size[1], size[0], 8 * depth, 2 if colour else 0, 0, 0, 0)
+        file.write(START + _chunk(b"IHDR", header))
+        for kind, content in (chunks or {}).items():
+            file.write(_chunk(kind, content))
+
+    def write(self, rows: np.ndarray) -> None:
+        """Append rows (n, w) or (n, w, 3): each sample as its difference to that of the pixel before."""
+        samples = rows.astype(self._kind).view(np.uint8).reshape(len(rows), -1)
+        lines = np.ones((len(rows), samples.shape[1] + 1), np.uint8)  # 1: this filter
+        first = 1 + self._pixel
+        lines[:, 1:first] = samples[:, : self._pixel]
+        np.subtract(samples[:, self._pixel :], samples[:, : -self._pixel], out=lines[:, first:])
+        self._append(self._pack.compress(lines.data))
+
+    def close(self) -> None:
+        """Write what is left; the file stays open."""
+        self._append(self._pack.flush())
+        self._file.write(_chunk(b"IEND", b""))
+
+    def _append(self, data: bytes) -> None:
+        if data:
+            self._file.write(_chunk(b"IDAT", data))
+
+
 def text(key: str, value: str) -> dict[bytes, bytes]:
     """A remark, as `encode_png` takes it and `texts` reads it."""
     return {b"tEXt": key.encode("latin-1") + b"\0" + value.encode("latin-1")}

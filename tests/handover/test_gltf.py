@@ -10,6 +10,7 @@ import pytest
 
 from photonormal.cli import main
 from photonormal.export.heights import read_depth
+from photonormal.handover import surfaces
 from photonormal.handover.gltf import encoded
 from photonormal.handover.surfaces import relief
 from photonormal.types import box_of
@@ -56,7 +57,13 @@ class Read:
 
 @pytest.fixture(scope="module")
 def found(measured):
-    return relief(measured / "r")
+    with relief(measured / "r") as found:
+        yield found
+
+
+def read(result, most_faces=10**6):
+    with relief(result) as found:
+        return Read(b"".join(encoded(found, most_faces)))
 
 
 @pytest.mark.parametrize("step", [1, 3])
@@ -81,7 +88,7 @@ def test_the_normal_map_on_the_mesh_is_the_normals_that_were_measured(found, ste
     n, t = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in (n, t))
     texel = picture[np.rint(row[on]).astype(int), np.rint(column[on]).astype(int)]
     shaded = np.einsum("pi,pij->pj", texel, np.stack([t[on], np.cross(n, t)[on], n[on]], axis=1))
-    truth = found.normals.map[box][np.rint(row[on]).astype(int), np.rint(column[on]).astype(int)]
+    truth = found.part(*box).normals[np.rint(row[on]).astype(int), np.rint(column[on]).astype(int)]
     cosine = (shaded * truth).sum(1) / np.linalg.norm(shaded, axis=1)
     off = np.degrees(np.arccos(cosine.clip(-1, 1)))
     assert np.median(off) < 0.4 and off.max() < 4  # triangles at the outline lie across the grid
@@ -99,34 +106,52 @@ def test_the_mesh_lies_around_the_origin_in_metres(measured, tmp_path):
     assert np.argmax(X[:, 2]) // 200 == len(X) // 2 // 200  # the ball's middle is nearest to the camera
 
 
-def test_the_material_is_matt_unless_the_result_says_how_rough_it_is(measured, tmp_path):
-    plain = Read(b"".join(encoded(relief(measured / "r"), 10**6)))
+def test_the_material_is_matt_unless_the_result_says_how_rough_it_is(measured, found, tmp_path):
+    plain = read(measured / "r")
     assert plain.material["pbrMetallicRoughness"].keys() == {"baseColorTexture", "metallicFactor", "roughnessFactor"}
     assert plain.material["pbrMetallicRoughness"]["metallicFactor"] == 0
     shutil.copytree(measured / "r", tmp_path / "r")
-    shape = relief(measured / "r").known.shape
+    shape = found.known.shape
     roughness = np.full(shape, 16384, np.uint16)
     roughness[: shape[0] // 2] = 0  # unknown
     cv2.imwrite(str(tmp_path / "r" / "roughness.png"), roughness)
-    told = Read(b"".join(encoded(relief(tmp_path / "r"), 10**6))).material["pbrMetallicRoughness"]
+    told = read(tmp_path / "r").material["pbrMetallicRoughness"]
     assert told["metallicFactor"] == 0 and told["roughnessFactor"] == 1
-    rough = Read(b"".join(encoded(relief(tmp_path / "r"), 10**6)))
+    rough = read(tmp_path / "r")
     assert set(np.unique(rough.picture(told["metallicRoughnessTexture"])[..., 1])) == {64, 255}
 
 
-def test_measured_materials_are_the_colour_and_the_gloss(measured, tmp_path):
+def test_measured_materials_are_the_colour_and_the_gloss(measured, found, tmp_path):
     shutil.copytree(measured / "r", tmp_path / "r")
-    shape = relief(measured / "r").known.shape
+    shape = found.known.shape
     cv2.imwrite(str(tmp_path / "r" / "base_colour.png"), np.full((*shape, 3), (30, 60, 90), np.uint8))
     cv2.imwrite(str(tmp_path / "r" / "metalness.png"), np.full(shape, 255, np.uint8))
-    file = Read(b"".join(encoded(relief(tmp_path / "r"), 10**6)))
+    file = read(tmp_path / "r")
     rough = file.material["pbrMetallicRoughness"]
     assert (file.picture(rough["baseColorTexture"]) == (90, 60, 30)).all() and rough["metallicFactor"] == 1
     assert (file.picture(rough["metallicRoughnessTexture"])[..., 2] == 255).all()
 
 
+def test_pictures_are_as_large_as_was_asked_for(measured, found, tmp_path, capsys, monkeypatch):
+    words = ["export", str(measured / "r"), "--to", "gltf", "--out", str(tmp_path / "a.glb")]
+    assert main(words) == 0 and capsys.readouterr().err == ""
+    full = Read((tmp_path / "a.glb").read_bytes())
+    monkeypatch.setattr(surfaces, "PIXELS", 1000)
+    assert main([*words, "--texture", "32", "--overwrite"]) == 0
+    told = capsys.readouterr().err
+    assert "reduced to 32 pixels" in told and len(told.splitlines()) == 1
+    small = Read((tmp_path / "a.glb").read_bytes())
+    for kind in ("normalTexture", "occlusionTexture"):
+        large, picture = full.picture(full.material[kind]), small.picture(small.material[kind])
+        assert max(picture.shape[:2]) == 32
+        expected = cv2.resize(large, picture.shape[1::-1], interpolation=cv2.INTER_AREA).astype(int)
+        assert np.abs(expected - picture).mean() < 1
+    assert np.array_equal(small.attribute("POSITION"), full.attribute("POSITION"))
+
+
 def test_what_has_no_surface_is_refused(measured, tmp_path, refused):
     refused("--to", "gltf", "--out", tmp_path / "a.gltf", says=".glb")
+    refused("--to", "gltf", "--out", tmp_path / "a.glb", "--texture", "8", says="16 to 16384")
     shutil.copytree(measured / "r", tmp_path / "r")
     cv2.imwrite(str(tmp_path / "r" / "roughness.png"), np.zeros((3, 3), np.uint8))
     refused("--to", "gltf", "--out", tmp_path / "a.glb", result=tmp_path / "r", says="roughness.png is (3, 3)")

@@ -10,8 +10,12 @@ import pytest
 from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.export.heights import heights_px, read_depth
+from photonormal.export.pictures import read_albedo
+from photonormal.files import memory
+from photonormal.files.decode import decode
 from photonormal.geometry import normalised
-from photonormal.handover.sheets import closed
+from photonormal.handover import surfaces
+from photonormal.handover.tiles import closed
 from photonormal.srgb import to_linear
 from photonormal.types import Capture, Normals, box_of
 from tests.scenes import lambertian, ring, write_diligent
@@ -77,6 +81,32 @@ def test_pictures_hold_what_was_measured(measured, tmp_path):
     assert (found["a_BaseColor.png"].min(-1) > 0.1).all()  # no black border that would bleed into the object
 
 
+def test_some_rows_at_a_time_give_what_all_at_once_give(measured, tmp_path, monkeypatch):
+    whole, _, told = maps(measured / "r", tmp_path / "a")
+    monkeypatch.setattr(surfaces, "PIXELS", 1000)
+    parts, _, again = maps(measured / "r", tmp_path / "b" / "a")
+    assert told == again and whole.keys() == parts.keys()
+    mask = load_normals(measured / "r").mask
+    mask = mask[box_of(mask)]
+    for name, picture in whole.items():
+        assert np.array_equal(picture[mask], parts[name][mask]), name
+        assert np.abs(picture - parts[name]).mean() < 1e-3  # of two pixels as near, either is taken
+
+
+def test_floats_hold_the_values_themselves(measured, tmp_path):
+    found, _, told = maps(measured / "r", tmp_path / "a", "--exr", "--mm-per-px", "0.5")
+    assert found.keys() == {"a_AmbientOcclusion.png"}
+    normals, surface = load_normals(measured / "r"), read_depth(measured / "r" / "depth.npz")
+    box = box_of(normals.mask)
+    mask = normals.mask[box]
+    height, n, colour = (decode(tmp_path / "a" / f"a_{name}.exr") for name in ("Height", "Normal", "BaseColor"))
+    assert np.abs(height[..., 0] - 0.5 * heights_px(surface)[box])[mask].max() < 1e-5
+    assert np.isclose([height.min(), height.max()], [told["height"]["low"], told["height"]["high"]]).all()
+    assert np.abs(2 * n - 1 - normals.map[box])[mask].max() < 1e-6
+    albedo = read_albedo(measured / "r" / "albedo.png")[box]
+    assert np.abs(colour - albedo)[mask].max() < 1e-3  # half floats
+
+
 def test_an_edge_that_is_closed_is_a_step_like_those_inside():
     noise = np.random.default_rng(0).normal(size=(SIZE, SIZE))
     layer = np.arange(SIZE) + 0.5 * np.arange(SIZE)[:, None] + 0.1 * noise
@@ -99,9 +129,12 @@ def test_a_tile_is_the_waves_without_their_slope_and_without_a_seam(sloping, tmp
         assert np.abs(cut[:, 0] - cut[:, -1]).max() > 0.3
 
 
-def test_what_is_no_tile_and_what_is_there_is_refused(measured, tmp_path, refused):
+def test_what_is_no_tile_and_what_is_there_is_refused(measured, tmp_path, refused, monkeypatch):
     out = tmp_path / "a"
     refused("--to", "maps", "--out", out, "--tile", says="--crop")
+    monkeypatch.setattr(memory, "_given", None)  # and again afterwards
+    refused("--to", "maps", "--out", out, "--tile", "--memory", "120KB", says="a tile of")
+    refused("--to", "gltf", "--out", tmp_path / "a.glb", "--exr", says="--to maps")
     shutil.copytree(measured / "r", tmp_path / "r")
     refused("--to", "maps", "--out", tmp_path / "r", says="--overwrite")
     refused("--to", "maps", "--out", tmp_path / "r", "--overwrite", result=tmp_path / "r", says="is read here")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from tyro.conf import Positional
 
-from photonormal.cli.kinds import File, FileOrFolder, Folder, Millimetres, Size, shown
+from photonormal.cli.kinds import File, FileOrFolder, Folder, Millimetres, Size, shown, tell
 from photonormal.options import Port
 from photonormal.types import InputError
 
@@ -60,6 +60,10 @@ class Export:
     """Of openlime: tiles of lossless WebP in place of JPEG."""
     program: Literal["blender", "substance", "unreal"] = "blender"
     """Of maps: who names them, and says whether green is up (blender) or down."""
+    exr: bool = False
+    """Of maps: colour, normals and height as OpenEXR: linear floats, heights in the unit that the .json tells."""
+    texture: Annotated[int, shown("PIXELS")] = 8192
+    """Of gltf: longest side of its pictures."""
     tile: bool = False
     """Of maps: they repeat, right edge to left one and lower edge to upper one."""
     capture: Folder = None
@@ -96,6 +100,8 @@ class Export:
         for given, option, formats in (
             (self.tile, "--tile", ("maps",)),
             (self.program != "blender", "--program", ("maps",)),
+            (self.exr, "--exr", ("maps",)),
+            (self.texture != Export.texture, "--texture", ("gltf",)),
             (self.webp, "--webp", ("openlime", "openlime-hsh")),
         ):
             if given and self.to not in formats:
@@ -104,11 +110,14 @@ class Export:
         if self.to == "gltf":
             from photonormal.handover.gltf import export_gltf
 
-            return export_gltf(self.result, out, self.mm_per_px, self.overwrite)
+            path, reduced = export_gltf(self.result, out, self.mm_per_px, self.overwrite, texture=self.texture)
+            if reduced > 1:
+                tell(f"The pictures are reduced to {self.texture} pixels, 1/{reduced:.2g} of the result's size.")
+            return path
         if self.to == "maps":
             from photonormal.handover.maps import export_maps
 
-            return export_maps(self.result, out, self.program, self.tile, self.mm_per_px, self.overwrite)
+            return export_maps(self.result, out, self.program, self.tile, self.mm_per_px, self.overwrite, self.exr)
         if self.to:
             from photonormal.handover.relightable import export_relighting
 

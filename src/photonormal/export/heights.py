@@ -6,7 +6,7 @@ import io
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt16
 
 from photonormal.export.mesh import scale_of
 from photonormal.export.normal_maps import encode_exr
@@ -14,6 +14,7 @@ from photonormal.files.opening import read_npz
 from photonormal.png import encode_png, text
 from photonormal.types import InputError, Surface
 
+REMARK = "photonormal-height"  # in a file, which tells what black and white are
 FORMATS = (".npz", ".png", ".tif", ".tiff", ".exr")
 
 
@@ -26,18 +27,26 @@ def encode(surface: Surface, suffix: str, mm_per_px: float | None) -> bytes | me
     if not np.isfinite(z).any():
         raise InputError("the surface holds no depth; integrate normals that are known somewhere.")
     low, high = float(np.nanmin(z)), float(np.nanmax(z))
-    z = np.nan_to_num(z, nan=low)
     if suffix == ".exr":
-        return encode_exr({"Y": z})
-    level = np.rint(65535 * (z - low) / ((high - low) or 1)).astype(np.uint16)
-    said = f"from {low:.9g} to {high:.9g} {'px' if mm_per_px is None else 'mm'}"
+        return encode_exr({"Y": np.nan_to_num(z, nan=low)})
+    level, said = levels(z, low, high), span(low, high, mm_per_px)
     if suffix == ".png":
-        return encode_png(level, text("photonormal-height", said))
+        return encode_png(level, text(REMARK, said))
     import tifffile
 
     buffer = io.BytesIO()
-    tifffile.imwrite(buffer, level, photometric="minisblack", description=f"photonormal-height {said}")
+    tifffile.imwrite(buffer, level, photometric="minisblack", description=f"{REMARK} {said}")
     return buffer.getvalue()
+
+
+def levels(z: Float[np.ndarray, "h w"], low: float, high: float) -> UInt16[np.ndarray, "h w"]:
+    """Heights in 16 bits, 0 at `low` and 65535 at `high`; NaN is as low as the lowest."""
+    return np.rint(65535 * (np.nan_to_num(z, nan=low) - low) / ((high - low) or 1)).astype(np.uint16)
+
+
+def span(low: float, high: float, mm_per_px: float | None) -> str:
+    """What such a picture says of its levels."""
+    return f"from {low:.9g} to {high:.9g} {'px' if mm_per_px is None else 'mm'}"
 
 
 def heights_px(surface: Surface) -> Float[np.ndarray, "h w"]:
@@ -69,10 +78,13 @@ def read_depth(path: Path) -> Surface:
     data = read_npz(path, "integrate the normals again", ("depth", "mask", "K", "mm_per_px"))
     if not {"depth", "mask"} <= data.keys():
         raise InputError(f"{path} holds {', '.join(data) or 'nothing'} but depth and mask are needed; integrate again.")
-    found = Surface(data["depth"], data["mask"], data.get("K"))
-    if "mm_per_px" not in data:
+    return in_own_units(Surface(data["depth"], data["mask"], data.get("K")), data.get("mm_per_px"), path)
+
+
+def in_own_units(found: Surface, unit: np.ndarray | None, path: Path) -> Surface:
+    """A surface as a Surface has it, of one in millimetres, a pixel being `unit` wide; None: it is one."""
+    if unit is None:
         return found
-    unit = data["mm_per_px"]
     if unit.shape != () or not (np.isfinite(unit) and unit > 0):
         raise InputError(f"{path} holds mm_per_px {str(unit)[:40]} but one length above 0 is needed; integrate again.")
     return Surface(found.depth / scale_of(found, float(unit)), found.mask, found.K)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from photonormal.srgb import from_linear
 from photonormal.types import InputError, Normals, Surface
@@ -21,10 +21,21 @@ def vertices(surface: Surface, step: int = 1) -> Float[np.ndarray, "v 3"]:
     Orthographic: in pixels from the picture's lower left corner. Perspective: in the depth's unit from the camera.
     """
     row, column = step * np.array(np.nonzero(surface.mask[::step, ::step]))
-    depth = surface.depth[row, column].astype(np.float64)
-    if surface.K is None:
-        return np.stack([column + 0.5, surface.mask.shape[0] - row - 0.5, depth], axis=-1)
-    ray = np.linalg.solve(surface.K, np.stack([column, row, np.ones_like(row)]).astype(np.float64))  # x right, y down
+    return positions(row, column, surface.depth[row, column], surface.mask.shape[0], surface.K)
+
+
+def positions(
+    row: Int[np.ndarray, " v"],
+    column: Int[np.ndarray, " v"],
+    depth: Float[np.ndarray, " v"],
+    height: int,
+    K: np.ndarray | None,
+) -> Float[np.ndarray, "v 3"]:
+    """The same of some pixels of a picture of `height` rows."""
+    depth = depth.astype(np.float64)
+    if K is None:
+        return np.stack([column + 0.5, height - row - 0.5, depth], axis=-1)
+    ray = np.linalg.solve(K, np.stack([column, row, np.ones_like(row)]).astype(np.float64))  # x right, y down
     return (ray / ray[2] * depth * np.array([[1], [-1], [-1]])).T
 
 
@@ -43,9 +54,9 @@ def faces(mask: np.ndarray) -> Int[np.ndarray, "f 3"]:
     return np.concatenate(triangles)
 
 
-def step_for(surface: Surface, most_faces: int) -> int:
+def step_for(mask: Bool[np.ndarray, "h w"], most_faces: int) -> int:
     """Rows and columns between the vertices of a mesh of about `most_faces` triangles at most."""
-    return max(1, int(np.ceil(np.sqrt(2 * np.count_nonzero(surface.mask) / most_faces))))
+    return max(1, int(np.ceil(np.sqrt(2 * np.count_nonzero(mask) / most_faces))))
 
 
 def encode(
@@ -67,7 +78,7 @@ def encode(
     known = surface.mask & np.isfinite(surface.depth)
     if not known.any():
         raise InputError("the surface holds no depth; integrate normals that are known somewhere.")
-    step = step_for(surface, most_faces)
+    step = step_for(surface.mask, most_faces)
     some = np.s_[::step, ::step]
     keep = known[some]
     points = vertices(Surface(surface.depth, known, surface.K), step) * scale_of(surface, mm_per_px)

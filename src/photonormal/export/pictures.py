@@ -74,29 +74,42 @@ def _reduced(picture: np.ndarray, height: int = PREVIEW_HEIGHT) -> np.ndarray:
     return picture if scale >= 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 
+def linear(samples: np.ndarray, encoded: bool) -> np.ndarray:
+    """Linear colours (h, w, 3) in [0, 1], float32, of decoded samples (h, w, 1 or 3), sRGB-encoded or not."""
+    level = np.broadcast_to(samples / np.float32(full_scale(samples)), (*samples.shape[:2], 3))
+    return (to_linear(level) if encoded else level).clip(0, 1)
+
+
+def is_encoded(path: Path, samples: np.ndarray) -> bool:
+    """Whether a picture that people look at is sRGB-encoded: 8 bits are, others where they say so."""
+    return samples.dtype == np.uint8 or is_srgb(path)
+
+
 def read_colours(path: Path, frame: tuple[int, int]) -> np.ndarray:
     """Linear colours (h, w, 3) in [0, 1] of a picture of the size `frame`: an `albedo.png`, or any picture that people
-    look at, whose 8 bits are sRGB-encoded."""
-    value = decode(path, frame)
-    level = np.broadcast_to(value / np.float32(full_scale(value)), (*value.shape[:2], 3))
-    if value.dtype == np.uint8 or is_srgb(path):
-        level = to_linear(level)
-    return level.clip(0, 1)
+    look at."""
+    samples = decode(path, frame)
+    return linear(samples, is_encoded(path, samples))
 
 
-def read_albedo(path: Path) -> np.ndarray:
-    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32; it tells whether it is sRGB-encoded.
+def albedo_samples(path: Path) -> np.ndarray:
+    """The samples (h, w, 3) of an `albedo.png`, 16-bit.
 
     Raises
     ------
     InputError
         If the file is cut short or no 16-bit colour PNG.
     """
-    value = decode(path)
-    if value.shape[2] != 3 or value.dtype != np.uint16:
+    samples = decode(path)
+    if samples.shape[2] != 3 or samples.dtype != np.uint16:
         raise InputError(f"{path} is no 16-bit colour PNG; measure again.")
-    level = value / np.float32(65535)
-    return to_linear(level) if is_srgb(path) else level
+    return samples
+
+
+def read_albedo(path: Path) -> np.ndarray:
+    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32; it tells whether it is sRGB-encoded."""
+    samples = albedo_samples(path)
+    return linear(samples, is_encoded(path, samples))
 
 
 def relit(map: np.ndarray, mask: np.ndarray, light: tuple[float, float, float] = (-0.5, 0.5, 0.707)) -> np.ndarray:

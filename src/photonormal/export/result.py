@@ -68,7 +68,7 @@ def write_result(
         jobs.append(lambda: write_materials(known, normals.mask, white, folder))
     if surface is not None:
         jobs += [mesh, write("depth.npz", surface)]
-        told["mesh"] = {"mm": unit is not None, "every": step_for(surface, most_faces)}
+        told["mesh"] = {"mm": unit is not None, "every": step_for(surface.mask, most_faces)}
     if result.lights is not None:
         folder.write("lights.lp", lp(result.capture.image_names, result.lights))
     if result.intensities is not None:

@@ -60,3 +60,27 @@ def read(file: BinaryIO, path: Path) -> np.ndarray:
             if name in channels and channels[name].pixels is not None:
                 return np.asarray(channels[name].pixels)
     raise InputError(f"picture {path} has channels {', '.join(channels)} but R, G, B or Y is needed; export it again.")
+
+
+class ExrRows:
+    """An OpenEXR file of floats, 32 bits or `half` of them, written some rows after the other; `close` ends it."""
+
+    def __init__(self, path: Path, size: tuple[int, int], colour: bool, half: bool) -> None:
+        import Imath
+        import OpenEXR
+
+        header = OpenEXR.Header(size[1], size[0])
+        kind = Imath.PixelType(Imath.PixelType.HALF if half else Imath.PixelType.FLOAT)
+        self._names = "RGB" if colour else "Y"
+        header["channels"] = dict.fromkeys(self._names, Imath.Channel(kind))
+        self._file, self._dtype = OpenEXR.OutputFile(str(path), header), np.float16 if half else np.float32
+
+    def write(self, rows: np.ndarray) -> None:
+        """Append rows (n, w) or (n, w, 3)."""
+        planes = np.moveaxis(rows.reshape(*rows.shape[:2], -1), 2, 0).astype(self._dtype, order="C")
+        planes = {name: plane.tobytes() for name, plane in zip(self._names, planes, strict=True)}
+        self._file.writePixels(planes, len(rows))
+
+    def close(self) -> None:
+        """Write what is left."""
+        self._file.close()

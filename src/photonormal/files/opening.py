@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from math import prod
 from pathlib import Path
 from typing import IO, BinaryIO, NamedTuple
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -100,6 +101,20 @@ def read_bytes(path: Path, what: str, at_most: int | None = None) -> bytes:
         raise InputError(f"{path} can't be read ({error.strerror}) but {what} is needed; check it.") from None
 
 
+@contextmanager
+def npz_archive(path: Path, advice: str) -> Iterator[ZipFile]:
+    """An .npz file, open; whatever goes wrong with it becomes an InputError, in which `advice` says what to do."""
+    try:
+        with open_file(path) as file, ZipFile(file) as archive:
+            yield archive
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing but it is needed; restore it or name another.") from None
+    except Exception as error:  # damaged archives raise anything
+        raise InputError(f"{path} can't be read ({reason_of(error)}); {advice}.") from None
+
+
 def read_npz(
     path: Path, advice: str, names: tuple[str, ...] | None = None, at_most: int | None = None
 ) -> dict[str, np.ndarray]:
@@ -111,29 +126,20 @@ def read_npz(
         If the file can't be read, or its arrays would take more bytes than `at_most` or the memory allows; `advice`
         says what to do.
     """
-    from zipfile import ZipFile
-
-    try:
-        with open_file(path) as file, ZipFile(file) as archive:
-            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-            chosen = {name: info for name, info in members.items() if names is None or name in names}
-            size = sum(info.file_size for info in chosen.values())
-            if at_most is not None and size > at_most:
-                raise ValueError(f"it holds {memory.text_of(size)} but {memory.text_of(at_most)} at most is needed")
-            memory.check(size, f"what {path} holds")
-            found = {}
-            for name, info in chosen.items():
-                with archive.open(info) as stream:
-                    found[name] = read_array(stream, info.file_size)
-                if found[name].dtype.kind not in "biuf":
-                    raise ValueError(f"{name[:60]!r} holds {found[name].dtype}, not numbers")
-            return found
-    except InputError:
-        raise
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing but it is needed; restore it or name another.") from None
-    except Exception as error:  # damaged archives raise anything
-        raise InputError(f"{path} can't be read ({reason_of(error)}); {advice}.") from None
+    with npz_archive(path, advice) as archive:
+        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        chosen = {name: info for name, info in members.items() if names is None or name in names}
+        size = sum(info.file_size for info in chosen.values())
+        if at_most is not None and size > at_most:
+            raise ValueError(f"it holds {memory.text_of(size)} but {memory.text_of(at_most)} at most is needed")
+        memory.check(size, f"what {path} holds")
+        found = {}
+        for name, info in chosen.items():
+            with archive.open(info) as stream:
+                found[name] = read_array(stream, info.file_size)
+            if found[name].dtype.kind not in "biuf":
+                raise ValueError(f"{name[:60]!r} holds {found[name].dtype}, not numbers")
+        return found
 
 
 def array_header(stream: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, cast
 
-import cv2
 import numpy as np
 from jaxtyping import Float
 
 from photonormal.disk import at_once
-from photonormal.export.mesh import FACES, display, faces, scale_of, step_for, vertices
+from photonormal.export.mesh import FACES, display, faces, positions, scale_of, step_for
+from photonormal.files.memory import scratch_folder
 from photonormal.geometry import normalised
 from photonormal.handover.glb import INDICES, VERTICES, Buffer
 from photonormal.handover.opened import refuse
-from photonormal.handover.sheets import sheet, spread
-from photonormal.handover.surfaces import Relief, relief
-from photonormal.png import encode_png
-from photonormal.types import Surface, box_of
+from photonormal.handover.sheets import Layers, nearest, sheet
+from photonormal.handover.surfaces import Part, Relief, relief
+from photonormal.png import PngRows
+from photonormal.progress import progress
+from photonormal.types import InputError, Surface, box_of
 
-TEXTURE = 4096  # pixels of a picture's side at most: what every graphics card takes
+TEXTURE = 8192  # pixels of a picture's side at most, unless said: what nearly every graphics card takes
+SMALLEST, LARGEST = 16, 16384  # that can be asked for; the second is what large graphics cards take
 MARGIN = 8  # pixels around the object in its pictures
 
 
 def export_gltf(
-    result: Path, out: Path, mm_per_px: float | None = None, overwrite: bool = False, most_faces: int = FACES
-) -> Path:
+    result: Path,
+    out: Path,
+    mm_per_px: float | None = None,
+    overwrite: bool = False,
+    most_faces: int = FACES,
+    texture: int = TEXTURE,
+) -> tuple[Path, float]:
     """Write a result as one .glb file: mesh with tangents, base colour, normal map, occlusion.
 
     The mesh lies around the origin, y up, z to the camera; in metres where the width of a pixel is known, else its
-    longer side is 1. Roughness and metalness are written where the result has them.
+    longer side is 1. Roughness and metalness are written where the result has them. Pictures are made some rows at a
+    time; it returns the file, and how much smaller than the result they are, 1 where they are not.
 
     Parameters
     ----------
@@ -38,30 +49,34 @@ def export_gltf(
     mm_per_px : millimetres that a pixel is wide, where the report does not say
     overwrite : replace a file that exists
     most_faces : of the mesh, about, see `photonormal.export.save`
+    texture : pixels of a picture's side at most, SMALLEST to LARGEST
 
     Raises
     ------
     InputError
         If the folder is no result with depth and albedo, or the file can't be written.
     """
+    if not SMALLEST <= texture <= LARGEST:
+        raise InputError(f"--texture {texture} came but {SMALLEST} to {LARGEST} pixels are needed; choose so many.")
     refuse("gltf", out, overwrite)
-    parts = encoded(relief(result, mm_per_px), most_faces)
-    with at_once(out.parent) as batch, (batch / out.name).open("wb") as file:
-        file.writelines(parts)
-    return out
+    with relief(result, mm_per_px) as found, at_once(out.parent) as batch, (batch / out.name).open("wb") as file:
+        file.writelines(encoded(found, most_faces, texture))
+        longest = max(side.stop - side.start for side in box_of(found.known, MARGIN))
+    return out, max(1.0, longest / texture)
 
 
-def encoded(found: Relief, most_faces: int) -> list[bytes]:
-    """The parts of the file, one after the other."""
-    step = step_for(Surface(found.surface.depth, found.known, found.surface.K), most_faces)
-    keep = found.known[::step, ::step]
+def encoded(found: Relief, most_faces: int = FACES, texture: int = TEXTURE) -> Iterator[bytes]:
+    """The pieces of the file, one after the other."""
+    step = step_for(found.known, most_faces)
     box = box_of(found.known, MARGIN)
-    N = normalised(found.normals.map[::step, ::step][keep].astype(np.float64))
+    some = found.part(slice(0, None, step), slice(0, None, step))
+    keep = some.known
+    N = normalised(some.normals[keep].astype(np.float64))
     T = _tangents(N)
     buffer = Buffer()
     mesh = {
         "attributes": {
-            "POSITION": buffer.array(_positions(found, step).astype(np.float32), VERTICES, bounds=True),
+            "POSITION": buffer.array(_positions(found, some, step).astype(np.float32), VERTICES, bounds=True),
             "NORMAL": buffer.array(N.astype(np.float32), VERTICES),
             "TANGENT": buffer.array(np.concatenate([T, np.ones((len(T), 1))], 1).astype(np.float32), VERTICES),
             "TEXCOORD_0": buffer.array(_coordinates(keep, step, box), VERTICES),
@@ -70,15 +85,20 @@ def encoded(found: Relief, most_faces: int) -> list[bytes]:
     }
     grid = np.zeros((*keep.shape, 2, 3), np.float32)
     grid[keep] = np.stack([N, T], axis=1)
-    return buffer.file(mesh, _material(found, buffer, box, spread(grid, keep), step))
+    row, column = nearest(keep)[0]
+    with ExitStack() as kept:
+        layers = sheet(found, MARGIN).reduced(texture)
+        material = _material(layers, buffer, _Frames(grid[row, column], step, box, layers.size), kept)
+        yield from buffer.file(mesh, material)
 
 
-def _positions(found: Relief, step: int) -> Float[np.ndarray, "v 3"]:
-    X = vertices(Surface(found.surface.depth, found.known, found.surface.K), step)
+def _positions(found: Relief, some: Part, step: int) -> Float[np.ndarray, "v 3"]:
+    row, column = step * np.array(np.nonzero(some.known))
+    X = positions(row, column, some.depth[some.known], len(found.known), found.K)
     size = np.ptp(X, axis=0)
     unit = 1 / max(float(size.max()), 1e-9)
     if found.mm_per_px is not None:
-        unit = scale_of(found.surface, found.mm_per_px) / 1000
+        unit = scale_of(Surface(some.depth, some.known, found.K), found.mm_per_px) / 1000
     return (X - (X.min(0) + size / 2)) * unit
 
 
@@ -95,21 +115,34 @@ def _tangents(N: Float[np.ndarray, "v 3"]) -> Float[np.ndarray, "v 3"]:
     return normalised(np.where((T**2).sum(-1, keepdims=True) > 1e-12, T, [0.0, 0.0, 1.0]))
 
 
-def _seen_from_frames(
-    normals: Float[np.ndarray, "h w 3"], box: tuple[slice, slice], grid: Float[np.ndarray, "a b 2 3"], step: int
-) -> Float[np.ndarray, "h w 3"]:
-    """Normals of a box of pixels, reduced or not, in the frames that a renderer interpolates between the vertices."""
-    rows, columns = (
-        (side.start - 0.5 + (np.arange(n) + 0.5) * (side.stop - side.start) / n) / step
-        for side, n in zip(box, normals.shape[:2], strict=True)
-    )
-    seen = np.empty_like(normals)
-    for y, n in enumerate(normals):
-        N, T = normalised(_between(grid, np.full(len(columns), rows[y]), columns)).swapaxes(0, 1)
-        B = normalised(np.cross(N, T))
-        c, t, b, z = ((u * v).sum(-1) for u, v in ((N, T), (n, T), (n, B), (n, N)))
-        seen[y] = normalised(np.stack([(t - c * z) / (1 - c * c), b, (z - c * t) / (1 - c * c)], axis=-1))
-    return seen
+class _Frames:
+    """The frames that a renderer interpolates between the vertices of the mesh.
+
+    Parameters
+    ----------
+    grid : (a, b, 2, 3) normals and tangents at the vertices
+    step : pixels between them
+    box : which pixels of the result the pictures show, in how many rows and columns: `size`
+    """
+
+    def __init__(
+        self, grid: Float[np.ndarray, "a b 2 3"], step: int, box: tuple[slice, slice], size: tuple[int, int]
+    ) -> None:
+        self.grid = grid
+        self.rows, self.columns = (
+            (side.start - 0.5 + (np.arange(n) + 0.5) * (side.stop - side.start) / n) / step
+            for side, n in zip(box, size, strict=True)
+        )
+
+    def __call__(self, normals: Float[np.ndarray, "h w 3"], rows: slice) -> Float[np.ndarray, "h w 3"]:
+        """Normals of some rows of the pictures, reduced or not, as these frames show them."""
+        seen = np.empty_like(normals)
+        for y, (n, row) in enumerate(zip(normals, self.rows[rows], strict=True)):
+            N, T = normalised(_between(self.grid, np.full(len(n), row), self.columns)).swapaxes(0, 1)
+            B = normalised(np.cross(N, T))
+            c, t, b, z = ((u * v).sum(-1) for u, v in ((N, T), (n, T), (n, B), (n, N)))
+            seen[y] = normalised(np.stack([(t - c * z) / (1 - c * c), b, (z - c * t) / (1 - c * c)], axis=-1))
+        return seen
 
 
 def _between(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> Float[np.ndarray, "p 3"]:
@@ -122,28 +155,33 @@ def _between(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> Float[np.
     return np.where(x + y <= 1, a + x * (b - a) + y * (c_ - a), d + (1 - x) * (c_ - d) + (1 - y) * (b - d))
 
 
-def _material(found: Relief, buffer: Buffer, box: tuple[slice, slice], grid: np.ndarray, step: int) -> dict[str, Any]:
-    layers = sheet(found, MARGIN)
-    normals = _seen_from_frames(_fitting(layers.normals), box, grid, step)
-    others = buffer.picture(encode_png(np.rint(255 * _fitting(layers.packed()).clip(0, 1)).astype(np.uint8)))
-    rough: dict[str, Any] = {
-        "baseColorTexture": buffer.picture(encode_png(display(_fitting(layers.colour)))),
-        "metallicFactor": 0 if found.metalness is None else 1,
-        "roughnessFactor": 1,
-    }
-    if found.roughness is not None or found.metalness is not None:
-        rough["metallicRoughnessTexture"] = others
+def _material(layers: Layers, buffer: Buffer, frames: _Frames, kept: ExitStack) -> dict[str, Any]:
+    files = [cast(BinaryIO, kept.enter_context(tempfile.TemporaryFile(dir=scratch_folder()))) for _ in range(3)]
+    pictures = [PngRows(file, layers.size, np.uint8, colour=True) for file in files]
+    rough = metal = False
+    with progress("pictures", layers.size[0]) as advance:
+        for rows, part in layers.parts():
+            rough, metal = part.roughness is not None, part.metalness is not None
+            shown = (
+                display(part.colour),
+                np.rint(127.5 * (frames(part.normals, rows) + 1)).astype(np.uint8),
+                np.rint(255 * part.packed().clip(0, 1)).astype(np.uint8),
+            )
+            for picture, samples in zip(pictures, shown, strict=True):
+                picture.write(samples)
+            advance(rows.stop - rows.start)
+    for picture in pictures:
+        picture.close()
+    colour, normals, others = (buffer.picture(file) for file in files)
+    known = {"metallicRoughnessTexture": others} if rough or metal else {}
     return {
-        "pbrMetallicRoughness": rough,
-        "normalTexture": buffer.picture(encode_png(np.rint(127.5 * (normals + 1)).astype(np.uint8))),
+        "pbrMetallicRoughness": {
+            "baseColorTexture": colour,
+            "metallicFactor": 1 if metal else 0,
+            "roughnessFactor": 1,
+            **known,
+        },
+        "normalTexture": normals,
         "occlusionTexture": others,
         "doubleSided": True,
     }
-
-
-def _fitting(picture: np.ndarray) -> np.ndarray:
-    """A picture whose sides a graphics card takes."""
-    h, w = picture.shape[:2]
-    scale = TEXTURE / max(h, w)
-    size = max(1, round(scale * w)), max(1, round(scale * h))
-    return picture if scale >= 1 else cv2.resize(picture, size, interpolation=cv2.INTER_AREA)

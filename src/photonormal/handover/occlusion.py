@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from jaxtyping import Float
 
@@ -11,8 +10,15 @@ GROWTH = 1.1  # of the steps to what may stand in the way
 SIDE = 512  # pixels of the longer side at which it is found
 
 
-def openness(height: Float[np.ndarray, "h w"], normals: Float[np.ndarray, "h w 3"]) -> Float[np.ndarray, "h w"]:
-    """From 0, buried, to 1, open, at each pixel.
+def step_for(h: int, w: int) -> int:
+    """Which rows and columns of a picture are enough to find it on."""
+    return max(1, -(-max(h, w) // SIDE))
+
+
+def openness(
+    height: Float[np.ndarray, "h w"], normals: Float[np.ndarray, "h w 3"], step: int = 1
+) -> Float[np.ndarray, "h w"]:
+    """From 0, buried, to 1, open, at each pixel, or each of every `step`-th row and column.
 
     What stands in the way is the relief itself, from each pixel to the end of the picture. In each plane the sky
     between the horizons of both sides is integrated as Jimenez et al. do it, Practical realtime strategies for accurate
@@ -23,10 +29,7 @@ def openness(height: Float[np.ndarray, "h w"], normals: Float[np.ndarray, "h w 3
     height : towards the camera in pixels, NaN where there is none, which hides nothing
     normals : x right, y up, z to the camera
     """
-    h, w = height.shape
-    step = max(1, -(-max(h, w) // SIDE))
-    z = np.where(np.isfinite(height), height, -np.inf)[::step, ::step].astype(np.float32) / step
-    N = normals[::step, ::step]
+    z, N = np.where(np.isfinite(height), height, -np.inf).astype(np.float32) / step, normals
     total = np.zeros(z.shape, np.float32)
     for angle in np.pi * np.arange(SLICES) / SLICES:
         x, y = np.cos(angle), np.sin(angle)
@@ -36,8 +39,7 @@ def openness(height: Float[np.ndarray, "h w"], normals: Float[np.ndarray, "h w 3
         left = np.maximum(-_horizon(z, -x, -y), gamma - np.pi / 2)
         arcs = sum(2 * a * np.sin(gamma) - np.cos(2 * a - gamma) + np.cos(gamma) for a in (right, left))
         total += np.hypot(along, N[..., 2]) * arcs / 4
-    found = (total / SLICES).clip(0, 1)
-    return found if step == 1 else cv2.resize(found, (w, h), interpolation=cv2.INTER_LINEAR)
+    return (total / SLICES).clip(0, 1)
 
 
 def _horizon(z: Float[np.ndarray, "h w"], x: float, y: float) -> Float[np.ndarray, "h w"]:

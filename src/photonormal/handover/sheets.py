@@ -1,29 +1,26 @@
-"""What lies on a surface as pictures of one size: cut to the object, and made to repeat."""
+"""What lies on a surface as pictures of one size, cut to the object; some rows at a time."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.ndimage import distance_transform_edt
+from scipy.sparse import csr_array
 
-from photonormal.export.heights import heights_px
-from photonormal.geometry import normalised
-from photonormal.handover.occlusion import openness
-from photonormal.handover.surfaces import Relief
-from photonormal.integration import integrate
-from photonormal.integration.periodic import divergence, poisson
-from photonormal.types import InputError, Normals, box_of
+from photonormal.handover import occlusion
+from photonormal.handover.surfaces import Part, Relief, bands
+from photonormal.types import box_of
 
-FILLED = 0.9  # share of a tile's pixels that must be known; the others take their neighbours' values
-STEEPEST = 20.0  # slope of a normal in a tile
+AROUND = 32  # rows that are looked at above and below for known pixels
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """The layers of a surface.
+    """The layers of some rows of a surface.
 
     Parameters
     ----------
@@ -47,72 +44,123 @@ class Sheet:
         metal = np.zeros_like(self.occlusion) if self.metalness is None else self.metalness
         return np.stack([self.occlusion, rough, metal], axis=-1)
 
-
-def sheet(found: Relief, margin: int = 0) -> Sheet:
-    """The layers of the object's box and of `margin` pixels around it, the nearest values where there are none."""
-    box = box_of(found.known, margin)
-    known = found.known[box]
-    height = np.where(known, heights_px(found.surface)[box], np.nan)
-    normals = found.normals.map[box]
-    roughness, metalness = (None if v is None else spread(v[box], known) for v in (found.roughness, found.metalness))
-    return Sheet(
-        spread(found.albedo[box], known),
-        spread(normals, known),
-        height,
-        spread(openness(height, normals), known),
-        roughness,
-        metalness,
-    )
+    def each(self, change: Callable[..., np.ndarray], *others: Sheet) -> Sheet:
+        """A sheet whose layers are changed, each by itself and the same layer of others."""
+        layers: dict[str, Any] = {f.name: [getattr(one, f.name) for one in (self, *others)] for f in fields(self)}
+        changed: dict[str, Any] = {name: None if v[0] is None else change(*v) for name, v in layers.items()}
+        return Sheet(**changed)
 
 
-def spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Values everywhere: where they are unknown, the nearest known one's."""
-    if known.all():
-        return values
-    nearest = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
-    return values[nearest[0], nearest[1]]
+@dataclass(frozen=True)
+class Layers:
+    """A sheet of which some rows are made at a time.
 
-
-def repeating(flat: Sheet, of: Path) -> Sheet:
-    """Layers whose right edge meets the left one, and whose lower edge meets the upper one.
-
-    What a layer's edges differ by is spread over all of it; slopes lose their mean, which no tile can have. Height is
-    integrated anew from the normals, occlusion found anew from it.
-
-    Raises
-    ------
-    InputError
-        If the object does not fill its box. `of` is what the message names.
+    Parameters
+    ----------
+    size : rows and columns
+    part : the sheet of some rows
+    heights : the lowest and the highest, pixels
     """
-    share = float(np.isfinite(flat.height).mean())
-    if share < FILLED:
-        raise InputError(
-            f"the object of {of} fills {100 * share:.0f} % of its rectangle but --tile needs one that is full; measure "
-            "a part of the photographs with --crop x,y,width,height."
-        )
-    slopes = flat.normals[..., :2] / np.maximum(flat.normals[..., 2:], 1 / STEEPEST)
-    closed_slopes = np.stack([closed(slopes[..., k]) for k in range(2)], axis=-1)
-    closed_slopes -= closed_slopes.mean((0, 1))
-    normals = normalised(np.concatenate([closed_slopes, np.ones((*flat.height.shape, 1))], axis=-1)).astype(np.float32)
-    height = integrate(Normals(normals, np.ones(flat.height.shape, bool)), "periodic").depth
-    around = [(side // 2, side // 2) for side in height.shape]
-    inside = tuple(slice(start, start + side) for (start, _), side in zip(around, height.shape, strict=True))
-    open_ = openness(np.pad(height, around, "wrap"), np.pad(normals, [*around, (0, 0)], "wrap"))[inside]
-    return replace(
-        flat,
-        colour=np.stack([closed(flat.colour[..., k]).clip(0, 1) for k in range(3)], axis=-1),
-        normals=normals,
-        height=height,
-        occlusion=open_,
-        roughness=None if flat.roughness is None else closed(flat.roughness).clip(0, 1),
-        metalness=None if flat.metalness is None else closed(flat.metalness).clip(0, 1),
-    )
+
+    size: tuple[int, int]
+    part: Callable[[slice], Sheet]
+    heights: tuple[float, float]
+
+    def parts(self) -> Iterator[tuple[slice, Sheet]]:
+        """All of it, some rows after the other."""
+        for rows in bands(*self.size):
+            yield rows, self.part(rows)
+
+    def reduced(self, side: int) -> Layers:
+        """The same with sides of at most `side` pixels, each the mean of the area that it covers."""
+        h, w = self.size
+        scale = min(1.0, side / max(h, w))
+        size = max(1, round(scale * h)), max(1, round(scale * w))
+        if size == self.size:
+            return self
+        down, across = areas(h, size[0]), areas(w, size[1])
+
+        def part(rows: slice) -> Sheet:
+            weights = down[rows]
+            first, last = int(weights.indices.min()), int(weights.indices.max()) + 1
+            weights = weights[:, first:last]
+
+            def reduced(layer: np.ndarray) -> np.ndarray:
+                lines = (weights @ layer.reshape(len(layer), -1)).reshape(-1, *layer.shape[1:])
+                columns = across @ lines.swapaxes(0, 1).reshape(w, -1)
+                return columns.reshape(size[1], len(lines), *layer.shape[2:]).swapaxes(0, 1)
+
+            return self.part(slice(first, last)).each(reduced)
+
+        return Layers(size, part, self.heights)
 
 
-def closed(layer: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    """A layer of the same mean whose edges meet: its steps inside in least squares, and none from edge to edge."""
-    v = layer.astype(np.float64)
-    right, down = np.roll(v, -1, 1) - v, np.roll(v, -1, 0) - v
-    right[:, -1] = 0
-    down[-1] = 0
-    return (poisson(divergence(right, down)) + v.mean()).astype(np.float32)
+def areas(n: int, m: int) -> csr_array:
+    """(m, n) weights of pixels in each of m equal parts of n of them; each row adds up to 1."""
+    edges = np.linspace(0, n, m + 1)
+    first, last = np.floor(edges[:-1]).astype(int), np.ceil(edges[1:] - 1e-9).astype(int)
+    counts = last - first
+    row = np.repeat(np.arange(m), counts)
+    column = np.arange(len(row)) - np.repeat(np.cumsum(counts) - counts, counts) + first[row]
+    share = np.minimum(column + 1, edges[row + 1]) - np.maximum(column, edges[row])
+    return csr_array(((share * m / n).astype(np.float32), (row, column)), shape=(m, n))
+
+
+def sheet(found: Relief, margin: int = 0) -> Layers:
+    """The layers of the object's box and of `margin` pixels around it.
+
+    Where nothing is known they are those of the nearest pixel, or farther away of the nearest one on a coarse grid.
+    """
+    box = box_of(found.known, margin)
+    (top, left), (h, w) = zip(*((side.start, side.stop - side.start) for side in box), strict=True)
+    step = occlusion.step_for(h, w)
+    some = found.part(slice(top, top + h, step), slice(left, left + w, step))
+    open_ = occlusion.openness(np.where(some.known, some.height, np.nan), some.normals, step)
+    at, _ = nearest(some.known)
+    coarse = _sheet(some, open_).each(lambda layer: layer[at[0], at[1]])
+
+    def part(rows: slice) -> Sheet:
+        around = slice(max(0, rows.start - AROUND), min(h, rows.stop + AROUND))
+        near = found.part(slice(top + around.start, top + around.stop), box[1])
+        open_ = between(coarse.occlusion, np.arange(around.start, around.stop) / step, np.arange(w) / step)
+        seen = _sheet(near, open_)
+        if not near.known.all():
+            at, distance = nearest(near.known)
+            away = distance > AROUND
+            row, column = np.nonzero(away)
+            row, column = (row + around.start) // step, column // step
+
+            def filled(layer: np.ndarray, far: np.ndarray) -> np.ndarray:
+                layer = layer[at[0], at[1]]
+                layer[away] = far[row, column]
+                return layer
+
+            seen = replace(seen.each(filled, coarse), height=seen.height)
+        return seen.each(lambda layer: layer[rows.start - around.start : rows.stop - around.start])
+
+    return Layers((h, w), part, found.heights)
+
+
+def _sheet(part: Part, open_: Float[np.ndarray, "h w"]) -> Sheet:
+    height = np.where(part.known, part.height, np.nan)
+    return Sheet(part.albedo, part.normals, height, open_, part.roughness, part.metalness)
+
+
+def nearest(known: Bool[np.ndarray, "h w"]) -> tuple[np.ndarray, np.ndarray]:
+    """Row and column of the nearest known pixel, and how far it is; of itself and infinitely, where there is none."""
+    if not known.any():
+        return np.indices(known.shape), np.full(known.shape, np.inf)
+    found: Any = distance_transform_edt(~known, return_indices=True)
+    return found[1], found[0]
+
+
+def between(
+    grid: Float[np.ndarray, "a b"], rows: Float[np.ndarray, " h"], columns: Float[np.ndarray, " w"]
+) -> Float[np.ndarray, "h w"]:
+    """Values on a grid between its points, in the grid's rows and columns."""
+    for places in (rows, columns):
+        first = places.astype(int).clip(0, max(0, len(grid) - 2))
+        share = (places - first).clip(0, 1).astype(np.float32)[:, None]
+        after = np.minimum(first + 1, len(grid) - 1)
+        grid = (grid[first] + share * (grid[after] - grid[first])).T
+    return grid

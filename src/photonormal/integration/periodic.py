@@ -32,11 +32,15 @@ class Periodic:
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
         if K is not None:
             raise InputError("a camera matrix came for a tile but one that repeats has no perspective; leave it out.")
-        n, mask = np.moveaxis(normals.map, 2, 0).astype(np.float64), normals.mask
-        a = np.where(mask, np.maximum(n[2], self.grazing), 0)
+        mask = normals.mask
+        a = np.where(mask, np.maximum(normals.map[..., 2].astype(np.float64), self.grazing), 0)
         right, down = (mask & np.roll(mask, -1, axis) for axis in (1, 0))
-        gx, gy = steps(-n[0], a, right, 1), steps(n[1], a, down, 0)  # y of the picture runs against y of the frame
-        f = divergence(gx, gy)
+        f = np.zeros(mask.shape)
+        for k, sign, joined, axis in ((0, -1.0, right, 1), (1, 1.0, down, 0)):  # y of the picture runs against ours
+            g = steps(sign * normals.map[..., k].astype(np.float64), a, joined, axis)
+            f += g
+            f -= np.roll(g, 1, axis)
+        del a, g
         z = poisson(f)
         if not mask.all():
 

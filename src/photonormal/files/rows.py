@@ -1,0 +1,99 @@
+"""Arrays on disk, of which some rows are read at a time."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from math import prod
+from pathlib import Path
+from zipfile import ZipFile
+
+import numpy as np
+
+from photonormal.files import memory
+from photonormal.files.opening import array_header, npz_archive, read_array
+
+BLOCK = 2**24  # bytes copied at a time
+
+
+class Rows:
+    """An array in a scratch file, zeros at first: ``rows[a:b]`` is a copy of a part, ``rows[a:b] = values`` sets one.
+
+    Slices may skip rows when they are read. The file has no name: it is gone once it is closed, or the process ends.
+    """
+
+    def __init__(self, shape: tuple[int, ...], dtype: np.dtype | type) -> None:
+        self.shape, self.dtype = shape, np.dtype(dtype)
+        self._row = prod(shape[1:]) * self.dtype.itemsize
+        self._file = tempfile.TemporaryFile(prefix="photonormal-", dir=memory.scratch_folder())
+        self._file.truncate(shape[0] * self._row)
+
+    def __enter__(self) -> Rows:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._file.close()
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        first, last, step = rows.indices(self.shape[0])
+        values = np.empty((len(range(first, last, step)), *self.shape[1:]), self.dtype)
+        at_once = len(values) if step == 1 else 1
+        for k in range(0, len(values), at_once or 1):
+            self._file.seek((first + k * step) * self._row)
+            self._file.readinto(_bytes_of(values[k : k + at_once]))  # pyright: ignore[reportAttributeAccessIssue]
+        return values
+
+    def __setitem__(self, rows: slice, values: np.ndarray) -> None:
+        first, last, _ = rows.indices(self.shape[0])
+        shape = (last - first, *self.shape[1:])
+        self._file.seek(first * self._row)
+        self._file.write(_bytes_of(np.ascontiguousarray(np.broadcast_to(values, shape), self.dtype)))
+
+
+def _bytes_of(values: np.ndarray) -> memoryview:
+    return values.reshape(-1).view(np.uint8).data
+
+
+@contextmanager
+def npz_rows(path: Path, advice: str, names: tuple[str, ...]) -> Iterator[dict[str, Rows]]:
+    """The arrays of these names in an .npz file, as far as it holds them, copied into scratch files.
+
+    Raises
+    ------
+    InputError
+        If the file can't be read; `advice` says what to do.
+    """
+    with ExitStack() as kept:
+        with npz_archive(path, advice) as archive:
+            held = set(archive.namelist())
+            found = {n: kept.enter_context(_copied(archive, f"{n}.npy")) for n in names if f"{n}.npy" in held}
+        yield found
+
+
+def _copied(archive: ZipFile, member: str) -> Rows:
+    size = archive.getinfo(member).file_size
+    with archive.open(member) as stream:
+        shape, by_columns, dtype = array_header(stream)
+        if dtype.kind not in "biuf" or not shape:
+            raise ValueError(f"{member[:60]!r} holds {dtype} {shape}, not rows of numbers")
+        if prod(shape) * dtype.itemsize > size:
+            raise ValueError(f"it is truncated: {shape} {dtype} in {size} bytes")
+    rows = Rows(shape, dtype)
+    try:
+        with archive.open(member) as stream:
+            if by_columns:
+                memory.check(size, f"what {member} holds")
+                rows[:] = read_array(stream, size)
+                return rows
+            array_header(stream)
+            block = max(1, BLOCK // max(1, rows._row))
+            for y in range(0, shape[0], block):
+                part = np.empty((min(block, shape[0] - y), *shape[1:]), dtype)
+                if stream.readinto(_bytes_of(part)) != part.nbytes:  # pyright: ignore[reportAttributeAccessIssue]
+                    raise ValueError("it is truncated")
+                rows[y : y + len(part)] = part
+    except BaseException:
+        rows.__exit__()
+        raise
+    return rows

@@ -4,7 +4,8 @@ import shutil
 
 from photonormal import provenance
 from photonormal.files.opening import noted, read_bytes
-from photonormal.provenance import changed, inputs
+from photonormal.methods.learned import weights
+from photonormal.provenance import change, changed, inputs, made_by
 
 
 def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
@@ -44,3 +45,16 @@ def test_what_was_read_is_told_from_what_has_changed(tmp_path):
     assert changed(tmp_path, before) == "a.txt has changed"
     (tmp_path / "a.txt").unlink()
     assert changed(tmp_path, before) == "a.txt is gone"
+
+
+def test_the_network_that_tells_lights_counts_where_they_are_unknown(monkeypatch, tmp_path):
+    given, unknown = (made_by("woodham", {}, lights) for lights in ("given", "unknown"))
+    assert change(given, made_by("woodham", {})) is None
+    assert given["source_sha256"] != unknown["source_sha256"] and "lights_sha256" not in given
+    (tmp_path / "sdps-lights.safetensors").write_bytes(b"others")
+    monkeypatch.setattr(weights, "SHIPPED", tmp_path)
+    assert change(given, made_by("woodham", {})) is None
+    assert change(unknown, made_by("woodham", {}, "unknown")) == (
+        "lights_sha256",
+        "other weights of the network that tells lights",
+    )

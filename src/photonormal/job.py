@@ -18,8 +18,8 @@ from photonormal.export.mesh import FACES
 from photonormal.export.result import write_result
 from photonormal.files.opening import Stamp, noted
 from photonormal.measurement import measure, read_camera
-from photonormal.methods import DEFAULT, parse
-from photonormal.options import Frame, Precision
+from photonormal.methods import DEFAULT, configure, parse
+from photonormal.options import Frame, LightsFrom, Precision
 from photonormal.provenance import Made, inputs, made_by
 from photonormal.rig import AUTO, calibrate
 from photonormal.types import Capture, InputError
@@ -74,7 +74,7 @@ class Job:
 
     def made(self) -> Made:
         """What its result is made by: version, method, options, weights and code."""
-        return _made(self.how)
+        return _made(self.how, lights_from(self.reading.get("lights"), self.refine_lights))
 
     def asked(self) -> dict[str, Any]:
         """Its other options that have a value and that the result depends on, in JSON's kinds of values."""
@@ -91,9 +91,9 @@ class Job:
 
 
 @cache
-def _made(method: str) -> Made:
+def _made(method: str, lights: LightsFrom) -> Made:
     name, options = parse(method)
-    return made_by(name, options)
+    return made_by(name, options, lights)
 
 
 def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]:
@@ -145,6 +145,14 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]
             read |= opened
 
 
+def _reading(job: Job) -> dict[str, Any]:
+    """How its capture is read: without the lights beside it where the method finds them and none are named."""
+    method, options = parse(job.how)
+    named = job.refine_lights or job.reading.get("lights")
+    finds = configure(method, **options).needs.finds_lights
+    return job.reading | {"lights": UNKNOWN} if finds and not named else job.reading
+
+
 @dataclass(frozen=True)
 class Calibrated:
     """Files of a calibration by name, and what is to be said of it."""
@@ -155,8 +163,9 @@ class Calibrated:
 
 def _read(job: Job, opened: dict[Path, Stamp]) -> tuple[Capture, dict[str, Any], Calibrated]:
     """The capture under the lights that a sphere shows, or else its own; how it was read; what was calibrated."""
+    reading = _reading(job)
     if not job.sphere:
-        return load(job.capture, **job.reading), job.reading, Calibrated()
+        return load(job.capture, **reading), reading, Calibrated()
     folder = job.capture if job.capture.is_dir() else job.capture.parent
     with tempfile.TemporaryDirectory(prefix="photonormal-") as made:
         lights = Path(made) / "sphere.lp"
@@ -168,11 +177,11 @@ def _read(job: Job, opened: dict[Path, Stamp]) -> tuple[Capture, dict[str, Any],
                 raise InputError(refusal) from None
             note = f"no sphere tells the lights, so the capture's own were taken: {refusal}"
             try:
-                return load(job.capture, **job.reading), job.reading, Calibrated(notes=[note])
+                return load(job.capture, **reading), reading, Calibrated(notes=[note])
             except InputError as error:
                 raise InputError(f"{error} No sphere tells the lights either: {refusal}") from None
-        capture = load(job.capture, **job.reading | {"lights": lights, "frame": "opengl", "lights_as": ""})
+        capture = load(job.capture, **reading | {"lights": lights, "frame": "opengl", "lights_as": ""})
         files = {p.name: p.read_bytes() for p in sorted(Path(made).iterdir()) if p.suffix != ".txt"}
         for path in [p for p in opened if p.is_relative_to(Path(made).resolve())]:
             del opened[path]
-    return capture, job.reading | {"lights": job.out / lights.name}, Calibrated(files, report["warnings"])
+    return capture, reading | {"lights": job.out / lights.name}, Calibrated(files, report["warnings"])

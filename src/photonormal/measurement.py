@@ -78,6 +78,10 @@ def measure(
     from photonormal.methods.learned.processor import computing_in, number_format
 
     where = torch_device(device)
+    if solver.needs.finds_lights:
+        if lights == "refined":
+            raise InputError(f"{method} finds the lights itself; leave --refine-lights out, or choose another method.")
+        lights = "given"  # it looks at none
     if lights == "given":
         check_needs(solver, capture)
         if materials and capture.lights is None and not solver.needs.finds_lights:

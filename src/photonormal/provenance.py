@@ -14,11 +14,16 @@ from typing import Any, NotRequired, TypedDict
 import photonormal
 from photonormal.files.opening import Stamp, open_file
 from photonormal.methods import configure, options_of
+from photonormal.options import LightsFrom
 from photonormal.stored import Word
 from photonormal.types import InputError
 
 PACKAGE = Path(__file__).parent
 ENGINE = tuple(f"photonormal.methods.engine.{part}" for part in ("samples", "stream", "halved", "near"))
+FINDING = {  # where lights come from -> what finds them
+    "refined": "photonormal.methods.uncalibrated.refine",
+    "unknown": "photonormal.methods.uncalibrated.unknown",
+}
 BESIDES = {"photonormal", "photonormal.methods", "photonormal.types", "photonormal.options"}  # names and checks
 COMPARED = {  # what a result is made by -> how a change of it is told
     "photonormal": "version",
@@ -27,6 +32,7 @@ COMPARED = {  # what a result is made by -> how a change of it is told
     "precision": "precision",
     "weights_sha256": "other weights",
     "source_sha256": "other code of the method",
+    "lights_sha256": "other weights of the network that tells lights",
 }
 
 
@@ -54,10 +60,11 @@ class Made(TypedDict):
     weights_sha256: Word | None
     source_sha256: Word
     precision: NotRequired[Word]
+    lights_sha256: NotRequired[Word]  # where the lights were found by the package's network
 
 
-def made_by(method: str, options: Mapping[str, Any]) -> Made:
-    """This version, a method with all its options, and digests of its weights and of its code.
+def made_by(method: str, options: Mapping[str, Any], lights: LightsFrom = "given") -> Made:
+    """This version, a method with all its options, and digests of its weights and code, and of what finds the lights.
 
     Raises
     ------
@@ -69,13 +76,19 @@ def made_by(method: str, options: Mapping[str, Any]) -> Made:
         weights = getattr(solver, "weights_sha256", None)
     except OSError as error:
         raise InputError(f"weights {error.filename} can't be read; train or install them first.") from None
-    return {
+    finding = None if solver.needs.finds_lights else FINDING.get(lights)
+    made: Made = {
         "photonormal": photonormal.__version__,
         "method": method,
         "options": options_of(solver),
         "weights_sha256": weights,
-        "source_sha256": source_sha256(type(solver).__module__),
+        "source_sha256": source_sha256(type(solver).__module__, *([finding] if finding else [])),
     }
+    if finding and lights == "unknown":
+        from photonormal.methods.learned.weights import LIGHTS, checksum, shipped
+
+        made["lights_sha256"] = checksum(shipped(LIGHTS))
+    return made
 
 
 def change(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str] | None:
@@ -151,10 +164,10 @@ def _digest(path: Path) -> tuple[str, Stamp]:
         return digest, Stamp.of(file)
 
 
-def source_sha256(module: str) -> str:
-    """SHA-256 of a method's module, of the engine, and of all modules of photonormal that they import."""
+def source_sha256(*modules: str) -> str:
+    """SHA-256 of modules, such as a method's, of the engine, and of all modules of photonormal that they import."""
     found: dict[str, bytes] = {}
-    waiting = [module, *ENGINE]
+    waiting = [*modules, *ENGINE]
     while waiting:
         name = waiting.pop()
         file = _file(name)

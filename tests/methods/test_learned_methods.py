@@ -8,9 +8,12 @@ import torch
 
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.learned.lambertian_prior import LambertianPrior, LambertianPriorConfig, LambertianPriorNet
+from photonormal.methods.learned.lightsnet import LightsConfig, LightsNet
 from photonormal.methods.learned.normalnet import NormalNetMethod
 from photonormal.methods.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
-from photonormal.methods.learned.weights import checksum, encoded
+from photonormal.methods.learned.sdps import SDPS
+from photonormal.methods.learned.weights import checksum, encoded, load
+from photonormal.methods.uncalibrated.guess import guess
 from photonormal.types import InputError
 from tests.methods.small import small
 from tests.scenes import lambertian, ring, sphere
@@ -66,3 +69,40 @@ def test_captures_without_lights_are_refused(method):
 def test_missing_weights_are_refused():
     with pytest.raises(InputError, match="no weights nowhere"):
         run(PSFCN(weights="nowhere"), lambertian(sphere(24), ring(5)), CPU)
+
+
+@pytest.fixture
+def sdps(tmp_path):
+    """SDPS-Net's two networks, random and small."""
+    torch.manual_seed(0)
+    nets = {"psfcn": PSFCNNet(PSFCNConfig(width=8)), "lightsnet": LightsNet(LightsConfig(width=8))}
+    nets["lightsnet"].told.weight.data *= 300  # random networks tell nearly the same of all images
+    for kind, net in nets.items():
+        (tmp_path / f"{kind}.safetensors").write_bytes(encoded(kind, net, {}))
+    return SDPS(weights=str(tmp_path / "psfcn.safetensors"), lights=str(tmp_path / "lightsnet.safetensors"))
+
+
+def test_sdps_looks_at_no_light_that_is_given(sdps):
+    capture = lambertian(sphere(24), ring(8))
+    given, other, none = (
+        run(sdps, replace(capture, lights=L), CPU) for L in (capture.lights, capture.lights[::-1], None)
+    )
+    assert torch.equal(given.normals, none.normals) and torch.equal(other.normals, none.normals)
+    assert none.lights is not None and none.lights.shape == capture.lights.shape
+
+
+def test_sdps_measures_under_the_lights_that_its_first_network_tells(sdps):
+    capture = replace(lambertian(sphere(24), ring(8)), lights=None)
+    told = guess(load(sdps.lights_file), capture, CPU)
+    found, normals = run(sdps, capture, CPU), run(PSFCN(weights=sdps.weights), told.shown_by(capture), CPU).normals
+    assert torch.equal(found.lights, told.lights) and torch.equal(found.intensities, told.intensities)
+    assert torch.equal(found.normals, normals)
+
+
+def test_sdps_depends_on_both_files(sdps):
+    assert sdps.weights_sha256.split() == [checksum(sdps.file), checksum(sdps.lights_file)]
+
+
+def test_sdps_refuses_few_photographs(sdps):
+    with pytest.raises(InputError, match="5 images came but"):
+        run(sdps, lambertian(sphere(24), ring(4)), CPU)

@@ -6,6 +6,8 @@ from dataclasses import replace
 import pytest
 import torch
 
+from photonormal.methods.learned.lightsnet import SIDE, LightsConfig, LightsNet
+from photonormal.methods.uncalibrated.guess import looked, stretched
 from photonormal.synth.recipes import parts
 from photonormal.train.observe import observe, tilted, turn
 from photonormal.train.recipes import RECIPES, Recipe, recipe
@@ -137,3 +139,19 @@ def test_a_ring_of_batches_resumes():
     for start in (1, 5, 30, 44):
         assert list(itertools.islice(replayed(source, start, recipe), 60 - start)) == whole[start:]
     assert list(itertools.islice(replayed(source, 7, Recipe()), 5)) == [7, 8, 9, 10, 11]
+
+
+def test_lights_that_a_network_tells_replace_the_true_ones(monkeypatch):
+    """Directions are what it tells, and images are free of the intensities that it tells."""
+    torch.manual_seed(0)
+    net = LightsNet(LightsConfig(width=8)).eval()
+    monkeypatch.setattr("photonormal.train.observe.telling", lambda name, device: net)
+    whole = Batch(*scenes(2, 8, SIDE, torch.Generator().manual_seed(0)))
+    lit = replace(PLAIN, intensities=(0.5, 2.0))
+    true, seen = (observe(whole, replace(lit, lights=name), "exposure", 3, vary=False) for name in ("", "sdps-lights"))
+    told = looked(net, whole.images * true.intensities[..., None, None, None], whole.mask)
+    torch.testing.assert_close(seen.lights, stretched(told.directions))
+    ratio = true.images / seen.images.clamp(min=1e-9) / told.log_intensities.exp()[..., None, None, None]
+    sure = (true.images > 0.01) & (true.images < 1.9) & (seen.images < 1.9)
+    for one, there in zip(ratio, sure, strict=True):  # up to each sample's exposure
+        assert one[there].std() < 1e-3 * one[there].mean()

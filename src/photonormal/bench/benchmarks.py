@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture import load
+from photonormal.capture import UNKNOWN, load
 from photonormal.capture.pictures import natural
 from photonormal.types import Capture, InputError
 
@@ -47,12 +47,12 @@ class Item:
     protocol: str = ""
     truth: bool = True
 
-    def load(self) -> Capture:
-        """Its capture; InputError where a file is missing."""
+    def load(self, lights: bool = True) -> Capture:
+        """Its capture, with its lights and their intensities or without; InputError where a file is missing."""
         missing = [str(p) for p in self.needed if not p.is_file()]
         if missing:
             raise InputError(f"{', '.join(missing)} is missing; restore the file or remove the object's folder.")
-        capture = load(self.path, format=self.format)
+        capture = load(self.path, format=self.format, lights=None if lights else UNKNOWN)
         if self.truth and capture.truth is None:
             raise InputError(f"{self.path} has no true normals to score against; add them or remove the object.")
         if self.protocol == "paper":

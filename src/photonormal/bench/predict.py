@@ -127,11 +127,13 @@ def run_object(
         kept = truth_path(out, item.dataset, item.name)
         if not kept.is_file():
             write_truth(kept, truth_of(capture))
+        unlit = None if not any(entry.solver().needs.finds_lights for entry in contest) else item.load(lights=False)
     except InputError as error:
         outcome.failures.append(f"{item.dataset}, {item.name}: {error}")
         return outcome
     read: float | None = None
     for entry in contest:
+        shown = unlit if unlit is not None and entry.solver().needs.finds_lights else capture
         for selection in selections:
             path = prediction_path(out, entry.label, item.dataset, item.name, selection.name)
             if path.is_file():
@@ -140,7 +142,7 @@ def run_object(
             try:
                 if read is None:
                     read = _read(capture)
-                _predict(path, item, capture, entry, selection, device, precision, read, jobs)
+                _predict(path, item, shown, entry, selection, device, precision, read, jobs)
                 outcome.predicted += 1
             except Exception as error:  # whatever a method fails with, the others go on
                 log.debug("%s on %s", entry.label, item.name, exc_info=True)

@@ -132,6 +132,10 @@ class Streaming(Method, Protocol):
         """The network with its weights."""
         ...
 
+    def lights_network(self) -> Any:
+        """The network that tells the lights under which the other looks; None where the method is told them."""
+        ...
+
 
 @runtime_checkable
 class Prior(Protocol):

@@ -158,7 +158,7 @@ def train(
         best = averaged(net, mean)
         with computing_in(precision):
             found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
-            found["real"] = on_real(best, fabric.device, recipe.passes)
+            found["real"] = on_real(best, fabric.device, recipe)
         for kind, errors in found.items():
             journal.write(step, kind, errors)
         return found

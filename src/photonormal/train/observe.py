@@ -5,6 +5,7 @@ Every draw depends on the seed, the step and the process alone, so a resumed tra
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import torch
@@ -14,6 +15,9 @@ from torch.nn import functional as F
 from photonormal.methods.engine.prior import prior_named
 from photonormal.methods.inputs.grey import grey
 from photonormal.methods.inputs.scaling import moment, scaled
+from photonormal.methods.learned.lightsnet import LightsNet
+from photonormal.methods.learned.weights import load, shipped
+from photonormal.methods.uncalibrated.guess import looked, stretched
 from photonormal.train.recipes import Recipe
 
 TILT_DEG = 30.0  # of the prior that is made from the truth
@@ -54,6 +58,8 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
         images, lights = images[:, : recipe.images[1]], lights[:, : recipe.images[1]]
     e = drawn_intensities(recipe, lights.shape[:2], draw).to(images)
     images = images * e[..., None, None, None]
+    if recipe.lights:
+        images, lights = under_told(telling(recipe.lights, images.device), images, mask)
     prior = prior_normals(name, images, lights, normals, mask, draw)
     moments = moment(scaling, images, mask)
     x = scaled(scaling, images, mask, moments, images.shape[1])
@@ -77,6 +83,19 @@ def drawn_intensities(recipe: Recipe, shape: torch.Size, draw: torch.Generator) 
     if low == high:
         return torch.ones(shape)
     return ((low + (high - low) * torch.rand(shape, generator=draw)) * torch.rand(shape[0], 1, generator=draw)).exp()
+
+
+@cache
+def telling(name: str, device: torch.device) -> LightsNet:
+    """The network that tells lights, of the package's weights."""
+    return load(shipped(name), "lightsnet", device)
+
+
+@torch.no_grad()
+def under_told(net: LightsNet, images: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
+    """Images (b, k, c, h, w) of whole objects over the intensities that a network tells, and directions (b, k, 3)."""
+    told = looked(net, images, mask)
+    return images / told.log_intensities.exp()[..., None, None, None].to(images), stretched(told.directions)
 
 
 def prior_normals(

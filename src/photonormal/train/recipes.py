@@ -40,6 +40,8 @@ class Recipe:
     learn : the part of the network that learns, by the first letters of its parameters' names; "": all
     gain : factors between which the exposure of a sample is drawn
     intensities : factors between which the intensity of each light is drawn, for a network that learns lights
+    lights : name of the package's weights of a network that tells lights: under those it learns, directions and
+        intensities; "": under the true ones
     turns : quarter turns and mirror images of every batch
     seed : of the weights, the stream and all of the above
     validate : steps between validations
@@ -68,6 +70,7 @@ class Recipe:
     learn: str = ""
     gain: tuple[float, float] = (0.5, 2.0)
     intensities: tuple[float, float] = (1.0, 1.0)
+    lights: str = ""
     turns: bool = False
     seed: int = 0
     validate: int = 2000
@@ -171,6 +174,13 @@ LIGHTS = replace(
     intensities=(0.5, 2.0),
 )
 
+# SDPS-Net's second network: whole objects, as the network that tells lights needs them
+UNDER_TOLD: dict[str, Any] = {
+    "lights": "sdps-lights",
+    "rendering": LIGHTS.rendering,
+    "intensities": LIGHTS.intensities,
+}
+
 RECIPES = {
     "paper": PAPER,
     # Table 1: what the prior is, where it enters, residual or plain
@@ -206,6 +216,18 @@ RECIPES = {
     "normalnet-cpu": NORMALNET_CPU,
     "sdps-lights": LIGHTS,
     "sdps-lights-cpu": replace(LIGHTS, images=(6, 24), batch=8, reuse=4, ring=64),
+    "sdps": replace(PSFCN, images=(6, 32), **UNDER_TOLD),
+    "sdps-cpu": replace(
+        CPU,
+        network="psfcn",
+        config={"width": 32},
+        priors=(),
+        images=(6, 24),
+        batch=8,
+        reuse=4,
+        warmup=200,
+        **UNDER_TOLD,
+    ),  # on top of psfcn's weights (--start-from)
     "normalnet-expected": replace(
         NORMALNET_CPU,
         images=(4, 64),

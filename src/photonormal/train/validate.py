@@ -22,7 +22,7 @@ from photonormal.methods.uncalibrated.guess import guess
 from photonormal.scoring import score
 from photonormal.scoring.lights import intensity_error, score_lights
 from photonormal.shading import angle_deg
-from photonormal.train.observe import Observed, observe
+from photonormal.train.observe import Observed, observe, telling
 from photonormal.train.recipes import Recipe
 
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
@@ -96,18 +96,18 @@ def real_folder() -> Path | None:
     return folder if "PHOTONORMAL_DATA" in os.environ and folder.is_dir() else None
 
 
-def on_real(net: Model, device: torch.device, passes: int = 1) -> dict[str, float]:
+def on_real(net: Model, device: torch.device, recipe: Recipe) -> dict[str, float]:
     """Mean angular error on each real object, of normals or lights, and their mean; empty where there are none."""
     folder = real_folder()
     objects = {o: folder / f"{o}PNG" for o in OBJECTS if folder and (folder / f"{o}PNG").is_dir()}
     found = {}
     for name, path in objects.items():
-        capture = load(path)
+        known, raw = load(path), load(path, lights="unknown")
         if isinstance(net, LightsNet):
-            told = guess(net, load(path, lights="unknown"), device)
-            found[name] = score_lights(told.lights.numpy(), capture.known_lights()).mean_deg
-        elif isinstance(net, Network) and capture.truth is not None:
-            normals = on_mask(measured(net, capture, device, passes=passes), capture)
-            found[name] = score(normals, capture.truth).mean_deg
+            found[name] = score_lights(guess(net, raw, device).lights.numpy(), known.known_lights()).mean_deg
+        elif isinstance(net, Network) and known.truth is not None:
+            capture = guess(telling(recipe.lights, device), raw, device).shown_by(raw) if recipe.lights else known
+            normals = on_mask(measured(net, capture, device, passes=recipe.passes), capture)
+            found[name] = score(normals, known.truth).mean_deg
     net.train()
     return found | ({"mean": float(np.mean(list(found.values())))} if found else {})

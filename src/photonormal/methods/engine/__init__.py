@@ -21,7 +21,7 @@ def run(method: Method, capture: Capture, device: torch.device) -> Solution:
         If the capture is not what the method needs, or no light reached any pixel.
     """
     check(method, capture)
-    if capture.lamps is not None:
+    if capture.lamps is not None and not method.needs.finds_lights:
         from photonormal.methods.engine.near import UnderLamps
 
         return UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)

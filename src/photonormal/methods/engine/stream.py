@@ -7,6 +7,7 @@ Memory is bounded in the number of pixels. Where a network sees each by itself, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -22,6 +23,8 @@ from photonormal.methods.engine.windows import Box, Window
 from photonormal.methods.inputs.scaling import scaled
 from photonormal.methods.learned.network import Network, placed
 from photonormal.methods.learned.processor import inner_precision
+from photonormal.methods.uncalibrated.guess import guess
+from photonormal.methods.uncalibrated.limits import check
 from photonormal.progress import progress
 from photonormal.types import Capture, InputError
 
@@ -29,10 +32,16 @@ SEEN = 2**21  # pixels, of all images together, that other devices than a proces
 
 
 def streamed(method: Streaming, capture: Capture, device: torch.device) -> Solution:
-    """What a network tells of a capture."""
-    return measured(
+    """What a method's networks tell of a capture."""
+    first = None
+    if (net := method.lights_network()) is not None:
+        check(capture)
+        first = guess(net, capture, device)
+        capture = first.shown_by(capture)
+    found = measured(
         method.network(), capture, device, method.rotations, prior=method.prior or None, passes=method.passes
     )
+    return found if first is None else replace(found, lights=first.lights, intensities=first.intensities)
 
 
 def measured(

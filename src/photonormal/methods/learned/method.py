@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from photonormal.methods.contract import Needs
 from photonormal.methods.learned.network import Network
@@ -32,6 +32,10 @@ class Learned(ABC):
     @abstractmethod
     def network(self) -> Network:
         """The network with its weights."""
+
+    def lights_network(self) -> Any:
+        """None: lights are given."""
+        return None
 
     @property
     def file(self) -> Path:

@@ -29,6 +29,7 @@ NETWORKS = {  # name -> "module:Class", imported only when asked for
 }
 
 SHIPPED = Path(__file__).parent / "weights"
+LIGHTS = "sdps-lights"  # the weights there that tell lights
 
 
 def build(network: str, config: dict) -> Any:

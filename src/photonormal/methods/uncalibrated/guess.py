@@ -1,17 +1,19 @@
-"""What the lights' network tells of a capture."""
+"""What the lights' network tells: of a capture, and of whole objects that a training shows."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.lighting import under
 from photonormal.methods.inputs.scaling import moment, scaled
-from photonormal.methods.learned.lightsnet import SIDE, LightsNet
+from photonormal.methods.learned.lightsnet import SIDE, Lights, LightsNet
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.processor import inner_precision
+from photonormal.methods.uncalibrated.limits import spread_deg
 from photonormal.methods.uncalibrated.reduced import reduced
 from photonormal.shading import normalised
 from photonormal.types import Capture
@@ -26,20 +28,35 @@ class Guess(NamedTuple):
     intensities: Float[Tensor, " n"]  # of geometric mean 1
     told_deg: Float[Tensor, " n"]  # how broad the network's answer is
 
+    def shown_by(self, capture: Capture) -> Capture:
+        """The capture under these lights, divided by their intensities; InputError where no normals could be found."""
+        spread_deg(self.lights.double(), capture.name)
+        return under(capture, self.lights.double().numpy(), self.intensities.double().numpy())
+
 
 def guess(net: LightsNet, capture: Capture, device: torch.device) -> Guess:
     """The mean over the eight symmetries of a square; the capture's own lights aren't looked at."""
     images, inside = reduced(capture, SIDE)
     images, mask = images[None].to(device), inside[None, None].to(device)
     net = placed(net, device).eval()
-    with torch.inference_mode(), inner_precision(device):
-        x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), images.shape[1])
-        told = [net(turned(x, case), turned(mask, case)) for case in range(8)]
+    with torch.inference_mode():
+        told = [looked(net, turned(images, case), turned(mask, case)) for case in range(8)]
         L = torch.stack([turned_back(t.directions[0], case) for case, t in enumerate(told)]).mean(0)
         e = torch.stack([t.log_intensities[0] for t in told]).mean(0).exp()
         doubt = torch.stack([t.told_deg[0] for t in told]).mean(0)
-    L = normalised(L * L.new_tensor([STRETCH, STRETCH, 1.0]))
-    return Guess(*(v.cpu().float() for v in (L, e, doubt)))
+    return Guess(*(v.cpu().float() for v in (stretched(L), e, doubt)))
+
+
+def looked(net: LightsNet, images: Float[Tensor, "b n c s s"], mask: Bool[Tensor, "b 1 s s"]) -> Lights:
+    """What the network tells of whole objects in linear images, in one look."""
+    x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), images.shape[1])
+    with inner_precision(images.device):
+        return net(x, mask)
+
+
+def stretched(L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b n 3"]:
+    """Unit lights from the network's mean directions."""
+    return normalised(L.float() * L.new_tensor([STRETCH, STRETCH, 1.0]))
 
 
 def turned(maps: Tensor, case: int) -> Tensor:

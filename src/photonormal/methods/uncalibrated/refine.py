@@ -8,12 +8,12 @@ import torch
 from photonormal.geometry import angle_deg
 from photonormal.lighting import FoundLights
 from photonormal.methods.uncalibrated.frame import Believed
+from photonormal.methods.uncalibrated.limits import LEAST, check
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals_under, rounds
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.progress import progress
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture
 
-LEAST = 6  # photographs; of fewer any lights explain nearly everything
 MOVED_DEG = 1.5  # mean, from which on given lights are doubted
 BETTER = 0.98  # of the misfit under the given lights: mended ones that leave more are not taken
 
@@ -52,15 +52,3 @@ def mended(capture: Capture) -> FoundLights | None:
     found = refined(capture)
     assert found.moved_deg is not None
     return found if found.moved_deg.mean() > MOVED_DEG and not found.notes else None
-
-
-def check(capture: Capture) -> None:
-    """InputError where lights can't be found from the photographs."""
-    n = capture.images.shape[0]
-    if capture.lamps is not None:
-        raise InputError(
-            f"{capture.name} has near lights but only distant ones can be found from its photographs; leave "
-            "--mm-per-px and files of positions out, or measure with the given ones."
-        )
-    if n < LEAST:
-        raise InputError(f"{n} images came but {LEAST} or more are needed to find lights from; add photographs.")

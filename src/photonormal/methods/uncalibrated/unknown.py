@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from photonormal.lighting import FoundLights
-from photonormal.methods.learned.weights import load, shipped
+from photonormal.methods.learned.weights import LIGHTS, load, shipped
 from photonormal.methods.uncalibrated.frame import Believed
 from photonormal.methods.uncalibrated.guess import guess
-from photonormal.methods.uncalibrated.refine import check
+from photonormal.methods.uncalibrated.limits import check, spread_deg
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, rounds
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.progress import progress
 from photonormal.shading import angle_deg, normalised
 from photonormal.types import Capture, InputError
 
-WEIGHTS = "sdps-lights"
 INDEPENDENT = 3.0  # of the network's errors, most of which all lights of an object share
 SHADED = 0.02  # second singular value of the samples over the first, below which nothing but brightness differs
-SPREAD_DEG = 4.0  # of lights, in the direction in which they differ least, below which normals can't be found
-NARROW_DEG = 7.0  # and below which they are uncertain
+NARROW_DEG = 7.0  # of lights, in the direction in which they differ least, below which normals are uncertain
 BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful
 
 
@@ -38,7 +34,7 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
     with progress("lights"):
         shown = Shown.of(capture)
         refuse_unshaded(shown, capture.name)
-        first = guess(load(shipped(WEIGHTS), "lightsnet"), capture, device)
+        first = guess(load(shipped(LIGHTS), "lightsnet"), capture, device)
         start, believed = first.lights * first.intensities[:, None], Believed(first.lights, INDEPENDENT)
         s, _, moved_deg = rounds(shown, start, believed, unknown=True)
     apart_deg = float(angle_deg(normalised(s), first.lights).mean())
@@ -46,13 +42,7 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
     if not settled:
         s = start
     lights, intensities = normalised(s.double()), s.double().norm(dim=1)
-    narrow = spread_deg(lights)
-    if not narrow > SPREAD_DEG:
-        raise InputError(
-            f"the photographs of {capture.name} seem to be lit from about one plane or direction (lights differ by "
-            f"{narrow:.0f} degrees across it) and can't be measured; add photographs with the light from elsewhere, "
-            "or give the lights."
-        )
+    narrow = spread_deg(lights, capture.name)
     alone = (
         "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
     )
@@ -75,8 +65,3 @@ def refuse_unshaded(shown: Shown, name: str) -> None:
             f"the photographs of {name} tell no lights: shading is the same in all of them; give photographs of a "
             "curved object under different lights, or give the lights."
         )
-
-
-def spread_deg(L: Float[Tensor, "n 3"]) -> float:
-    """How far lights are off a plane through the surface, root mean square, in degrees."""
-    return float(torch.rad2deg(torch.asin((torch.linalg.svdvals(L)[-1] / len(L) ** 0.5).clamp(max=1))))

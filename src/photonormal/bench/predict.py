@@ -127,7 +127,7 @@ def run_object(
         kept = truth_path(out, item.dataset, item.name)
         if not kept.is_file():
             write_truth(kept, truth_of(capture))
-        unlit = None if not any(entry.solver().needs.finds_lights for entry in contest) else item.load(lights=False)
+        unlit = item.load(lights=False) if any(e.solver().needs.finds_lights for e in contest) else None
     except InputError as error:
         outcome.failures.append(f"{item.dataset}, {item.name}: {error}")
         return outcome

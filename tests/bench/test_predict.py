@@ -2,15 +2,19 @@
 
 import json
 import shutil
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pytest
+import torch
 
 from photonormal.bench import bench, predict
 from photonormal.bench.scores import all_scored
 from photonormal.capture import load
 from photonormal.export import load_normals
-from photonormal.methods import solve
+from photonormal.methods import METHODS, solve
+from photonormal.methods.contract import Needs, Solution
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
@@ -197,3 +201,29 @@ def test_what_every_method_stores_is_read_again():
     for name in METHODS:
         config = {"layout": 1, "photonormal": "0", "method": name, "options": options_of(configure(name))}
         assert converted(config, Config, name, "")["options"] == config["options"]
+
+
+@dataclass(frozen=True)
+class FindsLights:
+    """A method that finds lights, and notes what it is shown."""
+
+    needs: ClassVar[Needs] = Needs(lights=False, finds_lights=True, reads="object")
+    shown: ClassVar[list] = []
+
+    def __call__(self, seen):
+        self.shown.append(seen)
+        n = seen.I.shape[1]
+        return Solution(torch.tensor([0.0, 0.0, 1.0]).expand(len(seen.I), 3), None, torch.eye(3)[torch.arange(n) % 3])
+
+
+def test_a_method_that_finds_lights_is_shown_pictures_without_them(tmp_path, monkeypatch):
+    monkeypatch.setitem(METHODS, "finds", f"{__name__}:FindsLights")
+    folder = tmp_path / "pmsData" / "ballPNG"
+    write_diligent(folder, lambertian(sphere(24), ring(9)))
+    levels = []
+    for e in (1.0, 2.0):
+        np.savetxt(folder / "light_intensities.txt", np.full((10, 3), e))
+        outcome = bench("diligent", tmp_path / "pmsData", tmp_path / f"runs{e}", methods="finds,woodham")
+        assert outcome.predicted == 2 and not outcome.failures
+        levels.append(FindsLights.shown[-1].I)
+    assert FindsLights.shown[-1].L is None and torch.equal(*levels)

@@ -78,6 +78,10 @@ def test_the_main_path_takes_what_such_a_method_finds(monkeypatch):
     capture = replace(lambertian(sphere(24), ring(9)), lights=None)
     result = pn.measure(capture, "learning", device="cpu")
     assert result.lights is not None and result.albedo is not None and result.surface is not None
+    again = pn.measure(capture, "learning", device="cpu", lights="unknown")  # nothing else finds them before
+    np.testing.assert_array_equal(again.lights, result.lights)
+    with pytest.raises(InputError, match="learning finds the lights itself; leave --refine-lights out"):
+        pn.measure(lambertian(sphere(24), ring(9)), "learning", device="cpu", lights="refined")
     assert result.report["method"] == "learning" and result.report["options"] == {"steps": 60}
     lit = with_lights(capture, run(Learning(), capture, CPU))
     shown = np.maximum(np.einsum("hwi,ni->nhw", result.normals.map, lit.known_lights()), 0) * result.albedo[..., 0]

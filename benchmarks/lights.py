@@ -2,6 +2,7 @@
 
     python benchmarks/lights.py ROOT                     # lights unknown; ROOT holds <object>PNG folders of DiLiGenT
     python benchmarks/lights.py ROOT --images 10         # of ten of the photographs, three draws
+    python benchmarks/lights.py ROOT --method sdps       # SDPS-Net, which finds the lights itself
     python benchmarks/lights.py ROOT --wrong 5           # --refine-lights, from given ones that are 5 degrees off
     python benchmarks/lights.py --rendered 24            # lights unknown, on rendered objects of held-out materials
 
@@ -13,11 +14,13 @@ from __future__ import annotations
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import photonormal as pn
 from photonormal.capture.texts import read_table
+from photonormal.methods import configure
 from photonormal.methods.inputs.grey import grey_samples
 from photonormal.methods.uncalibrated import found_lights
 from photonormal.scoring.lights import intensity_error, score_lights
@@ -40,10 +43,13 @@ def normals_deg(capture: Capture, method: str) -> float:
 
 def unknown(raw: Capture, known: Capture, e: np.ndarray, method: str) -> str:
     """A row of the table of lights that are unknown; `raw` is without lights, `known` with the true ones."""
-    found = found_lights(raw, "unknown")
+    bare: Any = {"integration": None, "albedo": False, "expected_error": False, "examine": False}
+    found = pn.measure(raw, method, lights="unknown", **bare)
+    assert found.lights is not None
     off = score_lights(found.lights, known.known_lights(), found.intensities, e)
-    under = normals_deg(replace(found.shown_by(raw), truth=known.truth), method)
-    return f"{off.mean_deg:.2f} | {off.intensity_percent:.1f} | {under:.2f} | {normals_deg(known, method):.2f}"
+    under = pn.score(found.normals, known.truth).mean_deg
+    best = "" if configure(method).needs.finds_lights else f" | {normals_deg(known, method):.2f}"
+    return f"{off.mean_deg:.2f} | {off.intensity_percent:.1f} | {under:.2f}{best}"
 
 
 def some(capture: Capture, chosen: np.ndarray, lights: bool) -> Capture:
@@ -56,7 +62,8 @@ def some(capture: Capture, chosen: np.ndarray, lights: bool) -> Capture:
 def real(root: Path, objects: list[str], images: int, wrong: float, method: str) -> None:
     """Tables of DiLiGenT's objects."""
     title = "before | after | normals, given | normals, mended" if wrong else "lights | intensities % | normals"
-    print(f"| object | {title} | normals, true lights |\n|{'---|' * (6 if wrong else 5)}")
+    title += "" if configure(method).needs.finds_lights else " | normals, true lights"
+    print(f"| object | {title} |\n|{'---|' * (2 + title.count('|'))}")
     for name in objects:
         path = root / f"{name}PNG"
         raw, known = pn.load(path, lights="unknown"), pn.load(path)

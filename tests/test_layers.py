@@ -45,7 +45,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "stored": {"types", "files"},
     "progress": set(),
     "resources": set(),
-    "provenance": {"types", "files", "methods", "stored"},
+    "provenance": {"types", "files", "methods", "stored", "options"},
     "capture": BASE,
     "calibration": BASE,
     "methods": BASE | {"integration", "progress"},  # under near lamps normals need depth

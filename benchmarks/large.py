@@ -4,9 +4,9 @@
 
 Two scenes: a relief that fills the frame, and a turned object before black, about half as large. JPEGs have 8 bits,
 TIFFs (`--format tif`) 16 and no compression. Where the disk holds fewer images than were asked for, as many as it holds
-are made, which is said. Seconds are those of the clock, or with `--processor` those of all processor cores, which other
-work on the machine changes little. Peak memory is the system's own account of the process (VmHWM), of which Linux tells
-each stage's, too. Decodes: how many files were decoded, over the number of pictures.
+are made, which is said. Seconds are those of the clock, and those of all processor cores, which other work on the
+machine changes little. Peak memory is the system's own account of the process (VmHWM), of which Linux tells each
+stage's, too. Decodes: how many files were decoded, over the number of pictures.
 """
 
 from __future__ import annotations
@@ -111,21 +111,25 @@ def fitting(images: int, nbytes: int, folder: Path) -> int:
 
 
 class Stages:
-    """Seconds and peak memory of each stage of a measurement in this process."""
+    """Seconds of the clock and of the processor, and peak memory, of each stage of a measurement in this process."""
 
-    def __init__(self, processor: bool) -> None:
-        self.clock = time.process_time if processor else time.perf_counter
+    def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
+        self.processor: dict[str, float] = {}
         self.peak_mb: dict[str, float] = {}
+        self.most_mb = 0.0  # between stages, too
 
     @contextmanager
     def stage(self, name: str, seconds: dict[str, float]) -> Iterator[None]:
         """In place of `photonormal.measurement._stage`."""
+        self.most_mb = max(self.most_mb, _peak_mb())
         _forget_peak()
-        start = self.clock()
+        start, used = time.perf_counter(), time.process_time()
         yield
-        seconds[name] = self.seconds[name] = round(self.seconds.get(name, 0) + self.clock() - start, 2)
+        seconds[name] = self.seconds[name] = round(self.seconds.get(name, 0) + time.perf_counter() - start, 2)
+        self.processor[name] = round(self.processor.get(name, 0) + time.process_time() - used, 2)
         self.peak_mb[name] = max(self.peak_mb.get(name, 0), _peak_mb())
+        self.most_mb = max(self.most_mb, self.peak_mb[name])
 
 
 def processor_seconds() -> float:
@@ -158,7 +162,7 @@ def measured(capture: Path, arguments: argparse.Namespace) -> None:
 
     decodes, decode = [], images.decode
     images.decode = lambda path, *frame: (decodes.append(path), decode(path, *frame))[1]
-    stages = Stages(arguments.processor)
+    stages = Stages()
     sys.modules[pn.measure.__module__]._stage = stages.stage
     loaded = pn.load(capture, memory=arguments.memory)
     with tempfile.TemporaryDirectory(dir=arguments.folder) as out:
@@ -170,7 +174,9 @@ def measured(capture: Path, arguments: argparse.Namespace) -> None:
     told = {
         "pixels": report["pixels"]["mask"],
         "seconds": stages.seconds,
+        "processor": stages.processor,
         "peak_mb": stages.peak_mb,
+        "most_mb": stages.most_mb,
         "decodes": len(decodes) / loaded.images.shape[0],
         "scratch_mb": 0 if store.in_memory else store._nbytes(SIDE, SIDE) / 1e6,
         "results_mb": written / 1e6,
@@ -188,7 +194,6 @@ def main() -> None:
     parser.add_argument("--method", default="trimmed")
     parser.add_argument("--integration", default="quadratic")
     parser.add_argument("--memory", default="2GB", help="what photonormal is told to stay within")
-    parser.add_argument("--processor", action="store_true", help="seconds of all processor cores, not of the clock")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="where captures are made")
     parser.add_argument("--keep", action="store_true", help="leave the captures there, for the next run")
     parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
@@ -212,16 +217,14 @@ def main() -> None:
             raise SystemExit(child.returncode)
         told = json.loads(child.stdout)
         used = processor_seconds() - before
-        clock = "processor" if arguments.processor else "clock"
         print(f"\n{scene}: {w} x {h} x {n} {arguments.format}, {told['pixels']} pixels on the mask, {arguments.method}")
-        print(f"| stage | s ({clock}) | peak MB |\n|---|---|---|")
+        print("| stage | s | s (processor) | peak MB |\n|---|---|---|---|")
         for stage, seconds in told["seconds"].items():
-            print(f"| {stage} | {seconds:.1f} | {told['peak_mb'][stage]:.0f} |")
+            print(f"| {stage} | {seconds:.1f} | {told['processor'][stage]:.1f} | {told['peak_mb'][stage]:.0f} |")
         print(
-            f"all stages {sum(told['seconds'].values()):.1f} s, processor of the process "
-            f"{used:.1f} s, peak {max(told['peak_mb'].values()):.0f} MB; "
-            f"{told['decodes']:g} decodes a picture; scratch {told['scratch_mb']:.0f} MB, "
-            f"results {told['results_mb']:.0f} MB"
+            f"all stages {sum(told['seconds'].values()):.1f} s, processor of the process {used:.1f} s, "
+            f"peak {told['most_mb']:.0f} MB; {told['decodes']:g} decodes a picture; "
+            f"scratch {told['scratch_mb']:.0f} MB, results {told['results_mb']:.0f} MB"
         )
         for warning in told["warnings"]:
             print(f"  warning: {warning}")

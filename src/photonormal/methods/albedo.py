@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Int
 
 from photonormal.masked import row_bands, taken
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
+from photonormal.methods.engine.workers import side_by_side
+from photonormal.shading import cosines
 from photonormal.types import Capture, Normals, box_of
 
 ROUNDS = 4  # after least squares
@@ -45,28 +48,31 @@ def _albedo(
 ) -> Float[np.ndarray, "p c"]:
     """That of a window's pixels `on`, whose numbers on the mask are `pixels`."""
     I = capture.samples(*window, on)  # (p, n, c)
-    albedo = np.empty((len(N), I.shape[2]), np.float32)
-    for first in range(0, len(N), PIXELS):
-        some = slice(first, first + PIXELS)
-        if capture.lights_at is None:
-            cos = N[some] @ capture.known_lights().T.astype(np.float32)  # (p, n)
-        else:
-            cos = np.einsum("pi,pni->pn", N[some], capture.lights_at[pixels[some]])
-        albedo[some] = _robust(I[some], np.maximum(cos, 0))
-    return albedo
+
+    def found(some: slice) -> Float[np.ndarray, "q c"]:
+        L = capture.known_lights() if capture.lights_at is None else capture.lights_at[pixels[some]]
+        cos = cosines(torch.from_numpy(N[some]), torch.as_tensor(L, dtype=torch.float32))  # (q, n)
+        return _robust(I[some], cos.clamp(min=0).numpy())
+
+    parts = [slice(first, first + PIXELS) for first in range(0, len(N), PIXELS)]
+    return np.concatenate([np.empty((0, I.shape[2]), np.float32), *side_by_side(found, parts, torch.device("cpu"))])
 
 
 def _robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p c"]:
-    Y = I.mean(-1)
-    weighted = S
-    rho = _least_squares(I, S, weighted)
+    channels = np.ascontiguousarray(np.moveaxis(I, 2, 0))  # each by itself: several times faster than three together
+    Y = channels.mean(0)
+    rho = _least_squares(channels, S, S)
     for _ in range(ROUNDS):
         shown = rho.mean(-1, keepdims=True) * S
-        weighted = S / (1 + ((Y - shown) / np.maximum(SPREAD * shown, 1e-9)) ** 2)
-        rho = _least_squares(I, S, weighted)
+        off = Y - shown
+        off /= np.maximum(SPREAD * shown, 1e-9)
+        off *= off
+        off += 1
+        rho = _least_squares(channels, S, np.divide(S, off, out=off))
     return rho
 
 
-def _least_squares(I: np.ndarray, S: np.ndarray, weighted: np.ndarray) -> Float[np.ndarray, "p c"]:
-    """argmin over rho of sum_j w_j (I_j - rho s_j)^2, for w s."""
-    return (weighted[:, None] @ I)[:, 0] / np.maximum((weighted * S).sum(1, keepdims=True), 1e-6)
+def _least_squares(channels: np.ndarray, S: np.ndarray, weighted: np.ndarray) -> Float[np.ndarray, "p c"]:
+    """argmin over rho of sum_j w_j (I_j - rho s_j)^2 of each channel, for w s."""
+    total = np.maximum(np.einsum("pn,pn->p", weighted, S), 1e-6)
+    return np.stack([np.einsum("pn,pn->p", weighted, I) / total for I in channels], axis=-1)

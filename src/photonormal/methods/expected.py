@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from photonormal.masked import on_map, taken
@@ -25,7 +25,8 @@ from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
 from photonormal.methods.contract import Method, Solution
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.methods.engine.samples import all_lights, bands, lights_at
+from photonormal.methods.engine.samples import Band, all_lights, bands, lights_at
+from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
 from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.types import Capture, Normals
@@ -140,16 +141,19 @@ def evidence_of(
     chosen = taken(some, capture.mask)
     L = all_lights(capture, device, torch.float32)
     N, v = torch.from_numpy(taken(normals.map, some)).to(device), to_camera(capture, some).to(device)
+
+    def told(band: Band, here: Int[np.ndarray, " q"], done: int, s: slice) -> Float[Tensor, "b k"]:
+        I = band.I[torch.from_numpy(here[s])].to(device)
+        lights = lights_at(capture, band.first + here[s], device) if L is None else L
+        at = slice(done + s.start, done + s.start + len(I))
+        return torch.stack(evidence(I, band.levels.lit(I), lights, N[at], v[at]), dim=1)
+
     parts, done = [], 0
-    for I, first, levels, _ in bands(capture, L):
-        here = np.flatnonzero(chosen[first : first + len(I)])
-        I = levels.cut_(I[torch.from_numpy(here)])
-        for s in blocks(I.shape[0], I.shape[1], device):
-            block = I[s].to(device)
-            lights = lights_at(capture, first + here[s], device) if L is None else L
-            at = slice(done, done + len(block))
-            parts.append(torch.stack(evidence(block, levels.lit(block), lights, N[at], v[at]), dim=1))
-            done += len(block)
+    for band in bands(capture, L):
+        band.levels.cut_(band.I)
+        here = np.flatnonzero(chosen[band.first : band.first + len(band.I)])
+        parts += side_by_side(partial(told, band, here, done), blocks(len(here), band.I.shape[1], device), device)
+        done += len(here)
     F = torch.nan_to_num(torch.cat(parts))
     level = F[:, EVIDENCE.index("level")]
     bright = np.quantile(level.cpu().numpy(), 0.9)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -13,6 +14,7 @@ from torch import Tensor
 from photonormal.masked import numbered, row_bands
 from photonormal.methods.contract import Observations, Solution, Solver
 from photonormal.methods.engine import plan
+from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
 from photonormal.methods.inputs.grey import READ, Levels, grey_samples, metallic
 from photonormal.progress import progress
@@ -23,16 +25,19 @@ def by_pixel(method: Solver, capture: Capture, device: torch.device) -> Solution
     """What a method finds that treats each pixel by itself: rows by rows, and block by block of them."""
     dtype = torch.float64 if method.needs.double else torch.float32
     L = all_lights(capture, device, dtype)
+
+    def solved(band: Band, s: slice) -> Solution:
+        I, at = band.I[s], slice(band.first + s.start, band.first + min(s.stop, len(band.I)))
+        lights = lights_at(capture, at, device, dtype) if L is None else L
+        found = method(Observations(I.to(device, dtype), band.levels.lit(I).to(device), lights, band.is_metallic))
+        advance(len(I))
+        return found.cpu()
+
     found = []
     with progress("normals", int(capture.mask.sum())) as advance:
-        for I, first, levels, is_metallic in bands(capture, L):
-            keep = levels.lit(levels.cut_(I))
-            for s in blocks(I.shape[0], I.shape[1], device):
-                at = slice(first + s.start, first + min(s.stop, len(I)))
-                lights = lights_at(capture, at, device, dtype) if L is None else L
-                seen = Observations(I[s].to(device, dtype), keep[s].to(device), lights, is_metallic)
-                found.append(method(seen).cpu())
-                advance(at.stop - at.start)
+        for band in bands(capture, L):
+            band.levels.cut_(band.I)
+            found += side_by_side(partial(solved, band), blocks(band.I.shape[0], band.I.shape[1], device), device)
     return Solution.joined(found)
 
 
@@ -52,8 +57,17 @@ def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solu
         return method(seen).cpu()
 
 
-def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:
-    """Grey levels (p, n) of some rows, the number of the first pixel, and what is told of the whole capture."""
+class Band(NamedTuple):
+    """Some rows of the mask, and what is told of the whole capture."""
+
+    I: Float[Tensor, "p n"]  # grey levels, not cut
+    first: int  # number of the first pixel
+    levels: Levels
+    is_metallic: Callable[[], bool]
+
+
+def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[Band]:
+    """Some rows after the other."""
     rows = row_bands(capture.mask, plan.pixels(capture))
     I = grey_levels(capture, rows[0])
     step = max(1, int(capture.mask.sum()) * I.shape[1] // READ)
@@ -71,7 +85,7 @@ def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[tuple]:
         if k:
             del I  # before the next is read
             I = grey_levels(capture, span)
-        yield I, first, levels, is_metallic
+        yield Band(I, first, levels, is_metallic)
         first += len(I)
 
 

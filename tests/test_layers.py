@@ -31,7 +31,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "notebook": {"types", "png"},
     "errors": set(),
     "lamps": {"errors"},
-    "types": {"errors", "lamps", "arrays", "notebook", "crop"},
+    "types": {"errors", "lamps", "masked", "arrays", "notebook", "crop"},
     "crop": {"types", "options"},
     "lighting": {"types"},
     "files": {"types", "png"},

@@ -1,6 +1,6 @@
 import numpy as np
 
-from photonormal.masked import numbered, on_map, row_bands, taken
+from photonormal.masked import numbered, on_map, picked, row_bands, taken
 
 
 def test_bands_hold_every_pixel_once_and_few_of_them():
@@ -19,3 +19,10 @@ def test_what_is_taken_off_a_map_goes_back_to_its_place():
     assert np.array_equal(taken(map, mask), map[mask])
     assert np.array_equal(on_map(taken(map, mask), mask), map * mask[..., None])
     assert np.isnan(on_map(taken(map[..., 0], mask), mask, np.nan)[~mask]).all()
+
+
+def test_what_is_picked_is_what_a_mask_picks():
+    random = np.random.default_rng(2)
+    mask, map = random.random((30, 40)) > 0.3, random.random((30, 50, 3)).astype(np.float32)
+    assert np.array_equal(picked(map[:, :40], mask), map[:, :40][mask])
+    assert np.array_equal(picked(map[:, :40, 0], mask), map[:, :40, 0][mask])

@@ -34,11 +34,16 @@ def numbered(mask: Bool[np.ndarray, "h w"]) -> Iterator[tuple[slice, slice]]:
         first = last
 
 
+def picked(map: Shaped[np.ndarray, "h w ..."], mask: Bool[np.ndarray, "h w"]) -> Shaped[np.ndarray, "p ..."]:
+    """The values of a map, or a part of one, at the mask's pixels: `map[mask]`, several times as fast."""
+    return map.reshape(mask.size, *map.shape[2:]).take(np.flatnonzero(mask), axis=0)
+
+
 def taken(map: Shaped[np.ndarray, "h w ..."], mask: Bool[np.ndarray, "h w"]) -> Shaped[np.ndarray, "p ..."]:
     """The values at the mask's pixels."""
     values = np.empty((np.count_nonzero(mask), *map.shape[2:]), map.dtype)
     for rows, pixels in numbered(mask):
-        values[pixels] = map[rows][mask[rows]]
+        values[pixels] = picked(map[rows], mask[rows])
     return values
 
 

@@ -16,7 +16,7 @@ from photonormal.doctor import check
 from photonormal.doctor.finding import Finding
 from photonormal.integration import integrate
 from photonormal.lighting import FoundLights
-from photonormal.masked import row_bands
+from photonormal.masked import picked, row_bands
 from photonormal.methods import DEFAULT, configure, options_of
 from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
@@ -192,8 +192,9 @@ def _read(capture: Capture) -> dict[str, float]:
             white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
             saturated = zero = 0
             for rows in row_bands(capture.mask):
-                samples = capture.window(j, rows, columns)[capture.mask[rows, columns]]  # (p, c)
-                saturated, zero = saturated + int((samples >= white).sum()), zero + int((samples <= 0).sum())
+                samples = picked(capture.window(j, rows, columns), capture.mask[rows, columns])  # (p, c)
+                saturated += int(np.count_nonzero(samples >= white))
+                zero += int(np.count_nonzero(samples <= 0))
             advance()
             return saturated, zero
 

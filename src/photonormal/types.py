@@ -23,6 +23,7 @@ from photonormal.lamps import Camera as Camera
 from photonormal.lamps import Lamps as Lamps
 from photonormal.lamps import from_the_middle
 from photonormal.lamps import unit_lights as unit_lights
+from photonormal.masked import picked
 
 if TYPE_CHECKING:
     from photonormal.crop import Crop
@@ -180,7 +181,7 @@ class Capture:
         shown = np.empty((int(on.sum()), n, c), np.float32)
 
         def read(j: int) -> None:
-            shown[:, j] = self.window(j, rows, columns)[on]
+            shown[:, j] = picked(self.window(j, rows, columns), on)
 
         self.each_image(read)
         return shown

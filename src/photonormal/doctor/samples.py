@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from photonormal.calibration.mask import mask_from_shading
 from photonormal.doctor.finding import Finding
-from photonormal.masked import row_bands
+from photonormal.masked import picked, row_bands
 from photonormal.types import Capture, InputError, box_of
 
 PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
@@ -47,6 +47,8 @@ class Samples:
 
 def read(capture: Capture) -> Samples:
     """Decode every picture once, in threads."""
+    import cv2
+
     mask = capture.mask
     rows, columns = box_of(mask, MARGIN)
     object_rows, object_columns = box_of(mask)
@@ -64,10 +66,10 @@ def read(capture: Capture) -> Samples:
         for band in bands:
             at = slice(rows.start + band.start, rows.start + band.stop)
             image = capture.window(j, at, columns)
-            inside = image[mask[at, columns]]  # (q, c)
-            saturated += float((inside >= white * (1 - 1e-5)).mean(1).sum())
-            zero += float((inside <= 0).mean(1).sum())
-            np.mean(image, axis=-1, out=grey[band])
+            inside = picked(image, mask[at, columns])  # (q, c)
+            saturated += np.count_nonzero(inside >= white * (1 - 1e-5)) / inside.shape[1]
+            zero += np.count_nonzero(inside <= 0) / inside.shape[1]
+            grey[band] = cv2.transform(image, np.full((1, image.shape[2]), 1 / image.shape[2], np.float32))
             first = (object_rows.start - at.start) % step, object_columns.start - columns.start
             some = np.s_[first[0] :: step, first[1] :: step]
             on_grid.append(image[some][mask[at, columns][some]])

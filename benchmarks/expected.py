@@ -1,14 +1,14 @@
 """How far a method can be trusted: expected and true errors, and the calibration behind the former.
 
     python benchmarks/expected.py [ROOT] [--methods woodham,normalnet] [--scenes 240] [--lights 32] [--near 2]
-    python benchmarks/expected.py --fit [--scenes 1000]
+    python benchmarks/expected.py --fit [--scenes 1000] [--methods normalnet:fast=true]
 
 Prints Markdown: pixels sorted by expected error and cut into ten equal parts, mean expected and true errors of each in
 degrees, on rendered objects of materials that the calibration never saw (PHOTONORMAL_DATA) and on DiLiGenT's objects
 in ROOT (`<object>PNG` folders). Methods that solve each pixel by itself are shown every fourth row and column.
 `--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of other materials, under 3 to 100
 lights, and writes `src/photonormal/methods/expected.json`, where methods that are not named keep what they have. A
-method may have options, as in `normalnet:weights=mine.safetensors`, but none with `--fit`.
+method may have options, as in `normalnet:fast=true`: a calibration holds for those alone.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from classical import OBJECTS, in_memory, print_row
 import photonormal as pn
 from photonormal.geometry import angle_deg
 from photonormal.methods import METHODS, configure, parse
-from photonormal.methods.contract import Solution
+from photonormal.methods.contract import Method, Solution
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.expected import FILE, FITTED, MadeFor, evidence_of, linear, terms, with_expected_error
@@ -46,7 +46,9 @@ RIDGE = 3e-3
 CURVE = (0.005, 0.02, 0.04, 0.07, *np.arange(0.12, 0.9, 0.08), 0.93, 0.96, 0.98, 0.995)  # shares of the pixels below
 # which a curve is read off, one part each: its ends count as well as its middle
 
-Found = dict[str, list[tuple[int, np.ndarray, np.ndarray]]]  # by method: images, evidence (p, k), errors (p,)
+Found = dict[
+    str, list[tuple[int, np.ndarray, np.ndarray]]
+]  # by method with options: images, evidence (p, k), errors (p,)
 
 
 def scenes(count: int, seed: int, **changes) -> Iterator[pn.Capture]:
@@ -63,36 +65,46 @@ def scenes(count: int, seed: int, **changes) -> Iterator[pn.Capture]:
         yield capture
 
 
-def thinned(whole: pn.Capture, name: str) -> pn.Capture:
-    """The rows and columns of a capture that a method is shown."""
-    step = STEP.get(name, 4)
+def method_of(text: str) -> Method:
+    """A method with its options."""
+    name, options = parse(text)
+    return configure(name, **options)
+
+
+def step_of(text: str) -> int:
+    """Of rows and columns that a method is shown."""
+    return STEP.get(parse(text)[0], 4)
+
+
+def thinned(whole: pn.Capture, step: int) -> pn.Capture:
+    """Every so many rows and columns of a capture."""
     capture = in_memory(whole, step)
     return capture if capture.camera is None else replace(capture, camera=Camera(step * capture.camera.mm_per_px))
 
 
 def fit(count: int, methods: Sequence[str]) -> None:
     """Render, measure, fit, write."""
-    found: Found = {name: [] for name in methods}
+    found: Found = {text: [] for text in methods}
     for i, whole in enumerate(scenes(count, 780, lights=FITTED, scenes=BLOCK, split="train", narrow=0.8)):
-        for name in methods:
-            if name not in NETWORKS or i // BLOCK % 3 == 0:
-                measured(name, whole, found)
+        for text in methods:
+            if parse(text)[0] not in NETWORKS or i // BLOCK % 3 == 0:
+                measured(text, whole, found)
     write(found, count)
 
 
-def solved(name: str, options: dict, whole: pn.Capture) -> tuple[pn.Capture, pn.Normals, Solution] | None:
+def solved(text: str, whole: pn.Capture) -> tuple[pn.Capture, pn.Normals, Solution] | None:
     """What a method is shown and finds; None with too few lights for it, or in the dark."""
-    capture = thinned(whole, name)
+    capture = thinned(whole, step_of(text))
     try:
-        found = run(configure(name, **options), capture, CPU)
+        found = run(method_of(text), capture, CPU)
         return capture, on_mask(found, capture), found
     except pn.InputError:
         return None
 
 
-def measured(name: str, whole: pn.Capture, found: Found) -> None:
+def measured(text: str, whole: pn.Capture, found: Found) -> None:
     """Add a method's evidence and errors on some pixels of a capture."""
-    if (both := solved(name, {}, whole)) is None:
+    if (both := solved(text, whole)) is None:
         return
     capture, normals, found_here = both
     assert capture.truth is not None
@@ -100,9 +112,9 @@ def measured(name: str, whole: pn.Capture, found: Found) -> None:
     if found_here.told_deg is not None:
         told = np.full(normals.mask.shape, np.nan, np.float32)
         told[capture.mask] = found_here.told_deg.numpy()
-    some = slice(None, None, KEPT if STEP.get(name) == 1 else 1)
+    some = slice(None, None, KEPT if step_of(text) == 1 else 1)
     F = evidence_of(seen_as_distant(capture, normals), normals, CPU, told).double().numpy()
-    found[name].append((len(capture.known_lights()), F[some], true_deg(normals, capture.truth)[some]))
+    found[text].append((len(capture.known_lights()), F[some], true_deg(normals, capture.truth)[some]))
 
 
 def true_deg(normals: pn.Normals, truth: pn.Normals) -> np.ndarray:
@@ -112,7 +124,7 @@ def true_deg(normals: pn.Normals, truth: pn.Normals) -> np.ndarray:
 def write(found: Found, count: int) -> None:
     """Fit the methods that were measured and write FILE; the others keep what they have."""
     methods = json.loads(FILE.read_text())["methods"] | {
-        name: {"made_for": asdict(MadeFor.of(configure(name)))} | calibration(rows) for name, rows in found.items()
+        text: {"made_for": asdict(MadeFor.of(method_of(text)))} | calibration(rows) for text, rows in found.items()
     }
     command = f"python benchmarks/expected.py --fit --scenes {count}"
     lines = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in methods.items()]
@@ -178,12 +190,10 @@ def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) 
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {text: [] for text in methods}
     for whole in captures:
         for text in methods:
-            name, options = parse(text)
-            if (both := solved(name, options, whole)) is None:
+            if (both := solved(text, whole)) is None:
                 continue
             capture, normals, found_here = both
-            method = configure(name, **options)
-            normals = with_expected_error(normals, found_here, capture, method, CPU)
+            normals = with_expected_error(normals, found_here, capture, method_of(text), CPU)
             assert capture.truth is not None and normals.expected_error_deg is not None
             on = normals.mask & capture.truth.mask
             true = angle_deg(normals.map[on], capture.truth.map[on])

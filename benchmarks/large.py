@@ -71,17 +71,26 @@ def turned_slopes(rows: np.ndarray, h: int, w: int) -> tuple[np.ndarray, np.ndar
     return (-x / z).astype(np.float32), (-r * turn / z).astype(np.float32), mask
 
 
-def render(folder: Path, scene: str, h: int, w: int, n: int, suffix: str) -> None:
-    """A capture as a folder: a painted surface with a soft highlight, without cast shadows."""
-    folder.mkdir(parents=True)
-    L = lights(n).astype(np.float32)
-    dtype, full = (np.uint8, 255) if suffix == "jpg" else (np.uint16, 65535)
-    N, paint, mask = np.zeros((h, w, 3), np.float16), np.zeros((h, w, 3), np.uint8), np.zeros((h, w), bool)
+def normals(scene: str, h: int, w: int, dtype: type) -> tuple[np.ndarray, np.ndarray]:
+    """Exact normals (h, w, 3) and the mask."""
+    N, mask = np.zeros((h, w, 3), dtype), np.zeros((h, w), bool)
     for y in range(0, h, BANDS):
         rows = np.arange(y, min(y + BANDS, h))
         p, q, mask[rows] = {"relief": relief_slopes, "turned": turned_slopes}[scene](rows, h, w)
         length = np.sqrt(p * p + q * q + 1)
         N[rows] = np.stack([-p / length, -q / length, 1 / length], axis=-1)
+    return N, mask
+
+
+def render(folder: Path, scene: str, h: int, w: int, n: int, suffix: str) -> None:
+    """A capture as a folder: a painted surface with a soft highlight, without cast shadows."""
+    folder.mkdir(parents=True)
+    L = lights(n).astype(np.float32)
+    dtype, full = (np.uint8, 255) if suffix == "jpg" else (np.uint16, 65535)
+    N, mask = normals(scene, h, w, np.float16)
+    paint = np.zeros((h, w, 3), np.uint8)
+    for y in range(0, h, BANDS):
+        rows = np.arange(y, min(y + BANDS, h))
         stripes = np.sin(rows[:, None] / 97.0 + np.arange(w) / 61.0)
         paint[rows] = 255 * np.stack([0.5 + 0.2 * stripes, 0.4 - 0.1 * stripes, 0.35 + 0 * stripes], axis=-1)
     for j, light in enumerate(L):
@@ -153,7 +162,7 @@ def _peak_mb() -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def measured(capture: Path, arguments: argparse.Namespace) -> None:
+def measured(capture: str, arguments: argparse.Namespace) -> None:
     """In the child: measure one capture, write its results, and print what that took as JSON."""
     import photonormal.capture.images as images
     from photonormal.capture.store import SIDE
@@ -185,6 +194,40 @@ def measured(capture: Path, arguments: argparse.Namespace) -> None:
     print(json.dumps(told))
 
 
+def integrated(scene: str, arguments: argparse.Namespace) -> None:
+    """In the child: depth of a scene's exact normals, and what that took as JSON."""
+    N, mask = normals(scene, *frame(arguments.megapixels), np.float32)
+    given, stages = pn.Normals(N * mask[..., None], mask), Stages()
+    del N
+    with stages.stage("integrate", {}):
+        pn.integrate(given, arguments.integration)
+    told = {"seconds": stages.seconds, "processor": stages.processor, "peak_mb": stages.peak_mb}
+    print(json.dumps({"pixels": int(mask.sum())} | told))
+
+
+def frame(megapixels: float) -> tuple[int, int]:
+    """Rows and columns, as 2 to 3."""
+    w = round(np.sqrt(megapixels * 1e6 * 3 / 2) / 8) * 8
+    return round(megapixels * 1e6 / w), w
+
+
+def child(what: str | Path) -> dict:
+    """What a process of its own tells of a capture, or of a scene."""
+    process = subprocess.run([sys.executable, __file__, *sys.argv[1:], "--child", what], stdout=subprocess.PIPE)
+    if process.returncode:
+        raise SystemExit(process.returncode)
+    return json.loads(process.stdout)
+
+
+def print_stages(title: str, told: dict) -> None:
+    print(f"\n{title}, {told['pixels']} pixels on the mask")
+    print("| stage | s | s (processor) | peak MB |\n|---|---|---|---|")
+    for stage, seconds in told["seconds"].items():
+        print(
+            f"| {stage} | {seconds:.1f} | {told['processor'][stage]:.1f} | {told['peak_mb'][stage]:.0f} |", flush=True
+        )
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--megapixels", type=float, default=24)
@@ -193,41 +236,49 @@ def main() -> None:
     parser.add_argument("--scene", choices=SCENES, nargs="+", default=SCENES)
     parser.add_argument("--method", default="trimmed")
     parser.add_argument("--integration", default="quadratic")
+    parser.add_argument("--exact", action="store_true", help="integrate exact normals alone, without photographs")
     parser.add_argument("--memory", default="2GB", help="what photonormal is told to stay within")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="where captures are made")
     parser.add_argument("--keep", action="store_true", help="leave the captures there, for the next run")
-    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--child", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child:
-        measured(arguments.child, arguments)
+        (integrated if arguments.exact else measured)(arguments.child, arguments)
         return
-    w = round(np.sqrt(arguments.megapixels * 1e6 * 3 / 2) / 8) * 8
-    h = round(arguments.megapixels * 1e6 / w)
-    nbytes = h * w * 3 // 4 if arguments.format == "jpg" else h * w * 6
-    n = fitting(arguments.images, nbytes, arguments.folder)
+    h, w = frame(arguments.megapixels)
     for scene in arguments.scene:
-        folder = arguments.folder / f"large-{scene}-{h}x{w}x{n}-{arguments.format}"
-        if not folder.exists():
-            render(folder, scene, h, w, n, arguments.format)
-        before = processor_seconds()
-        child = subprocess.run([sys.executable, __file__, *sys.argv[1:], "--child", folder], stdout=subprocess.PIPE)
+        if arguments.exact:
+            print_stages(f"{scene}: {w} x {h}, {arguments.integration}", child(scene))
+        else:
+            photographed(scene, h, w, arguments)
+
+
+def photographed(scene: str, h: int, w: int, arguments: argparse.Namespace) -> None:
+    """Make a capture where there is none yet, measure it, print the figures."""
+    nbytes = h * w * 3 // 4 if arguments.format == "jpg" else h * w * 6
+    made = sorted(arguments.folder.glob(f"large-{scene}-{h}x{w}x*-{arguments.format}"))
+    n = (
+        len(list(made[0].glob(f"*.{arguments.format}")))
+        if made
+        else fitting(arguments.images, nbytes, arguments.folder)
+    )
+    folder = arguments.folder / f"large-{scene}-{h}x{w}x{n}-{arguments.format}"
+    if not made:
+        render(folder, scene, h, w, n, arguments.format)
+    before = processor_seconds()
+    try:
+        told = child(folder)
+    finally:
         if not arguments.keep:
             shutil.rmtree(folder)
-        if child.returncode:
-            raise SystemExit(child.returncode)
-        told = json.loads(child.stdout)
-        used = processor_seconds() - before
-        print(f"\n{scene}: {w} x {h} x {n} {arguments.format}, {told['pixels']} pixels on the mask, {arguments.method}")
-        print("| stage | s | s (processor) | peak MB |\n|---|---|---|---|")
-        for stage, seconds in told["seconds"].items():
-            print(f"| {stage} | {seconds:.1f} | {told['processor'][stage]:.1f} | {told['peak_mb'][stage]:.0f} |")
-        print(
-            f"all stages {sum(told['seconds'].values()):.1f} s, processor of the process {used:.1f} s, "
-            f"peak {told['most_mb']:.0f} MB; {told['decodes']:g} decodes a picture; "
-            f"scratch {told['scratch_mb']:.0f} MB, results {told['results_mb']:.0f} MB"
-        )
-        for warning in told["warnings"]:
-            print(f"  warning: {warning}")
+    print_stages(f"{scene}: {w} x {h} x {n} {arguments.format}, {arguments.method}", told)
+    print(
+        f"all stages {sum(told['seconds'].values()):.1f} s, processor of the process "
+        f"{processor_seconds() - before:.1f} s, peak {told['most_mb']:.0f} MB; {told['decodes']:g} decodes a picture; "
+        f"scratch {told['scratch_mb']:.0f} MB, results {told['results_mb']:.0f} MB"
+    )
+    for warning in told["warnings"]:
+        print(f"  warning: {warning}")
 
 
 if __name__ == "__main__":

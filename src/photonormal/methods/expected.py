@@ -20,7 +20,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from photonormal.masked import on_map, taken
-from photonormal.methods import name_of, options_of
+from photonormal.methods import name_of, options_of, parse
 from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
 from photonormal.methods.contract import Method, Solution
@@ -288,10 +288,9 @@ class MadeFor:
 
 def calibration_of(method: Method) -> Calibration | None:
     """The calibration of a method; None where there is none for its options and weights."""
-    name = name_of(method)
-    if name not in calibrations() or made_for()[name] != MadeFor.of(method):
-        return None
-    return calibrations()[name]
+    made = MadeFor.of(method)
+    fitting = (text for text, one in made_for().items() if one == made and parse(text)[0] == name_of(method))
+    return next((calibrations()[text] for text in fitting), None)
 
 
 @cache
@@ -301,14 +300,14 @@ def _stored() -> dict[str, dict[str, Any]]:
 
 @cache
 def calibrations() -> dict[str, Calibration]:
-    """By method, as FILE has them."""
+    """By method with options, as ``method:option=value``, as FILE has them."""
     return {
-        name: Calibration(*(np.array(one[key], float) for key in ("images", "weights", "curve")))
-        for name, one in _stored().items()
+        text: Calibration(*(np.array(one[key], float) for key in ("images", "weights", "curve")))
+        for text, one in _stored().items()
     }
 
 
 @cache
 def made_for() -> dict[str, MadeFor]:
-    """By method, what its calibration holds for."""
-    return {name: MadeFor(**one["made_for"]) for name, one in _stored().items()}
+    """The same, what each calibration holds for."""
+    return {text: MadeFor(**one["made_for"]) for text, one in _stored().items()}

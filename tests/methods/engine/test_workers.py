@@ -3,6 +3,7 @@
 import torch
 
 from photonormal.methods.engine.workers import side_by_side
+from photonormal.methods.learned.processor import computing_in, number_format
 
 CPU = torch.device("cpu")
 
@@ -19,6 +20,11 @@ def test_each_part_has_one_core_and_all_are_back_afterwards():
         assert torch.get_num_threads() == 3
     finally:
         torch.set_num_threads(before)
+
+
+def test_each_part_computes_in_what_was_asked_for():
+    with computing_in("bf16"):
+        assert side_by_side(lambda _: number_format(CPU), range(4), CPU) == ["bf16"] * 4
 
 
 def test_gradients_are_off_where_they_are_off_outside():

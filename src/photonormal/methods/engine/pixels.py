@@ -18,6 +18,7 @@ from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.prior import FirstLook
 from photonormal.methods.engine.turns import turned, turned_map
 from photonormal.methods.engine.windows import Box, Span, Window
+from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.scaling import scaled
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.processor import inner_precision
@@ -66,17 +67,19 @@ class Samples:
             pixels=self.pixels[some.cpu().numpy()],
         )
 
-    def parts(self, samples: int) -> Iterator[tuple[slice, Float[Tensor, "1 n 1 1 q"], Float[Tensor, "1 n 3 *1q"]]]:
-        """Some pixels after the other, as images of one row, and their lights."""
+    def parts(self, samples: int) -> list[slice]:
+        """Some pixels after the other, so many samples at a time."""
+        step = max(1, samples // self.I.shape[1])
+        return [slice(first, first + step) for first in range(0, len(self.I), step)]
+
+    def shown(self, some: slice) -> tuple[Float[Tensor, "1 n 1 1 q"], Float[Tensor, "1 n 3 *1q"]]:
+        """Some of the pixels as images of one row, and their lights."""
         known = torch.as_tensor(self.capture.known_lights(), dtype=torch.float32)  # (n, 3)
-        step = max(1, samples // len(known))
-        for first in range(0, len(self.I), step):
-            some = slice(first, first + step)
-            I, L = self.I[some].T[None, :, None, None], known[None]
-            if self.capture.lights_at is not None:
-                each = torch.from_numpy(self.capture.lights_at[self.pixels[some]])
-                L = torch.cat([each, L])[: I.shape[-1]].permute(1, 2, 0)[None, :, :, None]
-            yield some, I, L.to(I.device)
+        I, L = self.I[some].T[None, :, None, None], known[None]
+        if self.capture.lights_at is not None:
+            each = torch.from_numpy(self.capture.lights_at[self.pixels[some]])
+            L = torch.cat([each, L])[: I.shape[-1]].permute(1, 2, 0)[None, :, :, None]
+        return I, L.to(I.device)
 
 
 def one_pass(
@@ -92,19 +95,25 @@ def one_pass(
     """
     n, mask, device = samples.I.shape[1], samples.mask, found.device
     start = torch.cat([found[0, :, mask].T, found.new_zeros(1, found.shape[1])])  # (p + 1, d)
-    digested: list[list[Tensor]] = [[] for _ in range(rotations)]
-    for some, images, L in samples.parts(AT_A_TIME.get(device.type, AT_A_TIME["cuda"])):
-        prior = start[some].T[None, :, None]  # (1, d, 1, q)
+
+    def digested(some: slice) -> list[Float[Tensor, "q c"]]:
+        images, L = samples.shown(some)
+        prior, found = start[some].T[None, :, None], []  # (1, d, 1, q)
         with inner_precision(device):
             for quarters in range(rotations):
                 lights = turned(L, quarters, 2)
                 shared = net.begin(turned(prior, quarters, 1), lights)
-                digested[quarters].append(net.digest(net.encode(images, lights, shared), n, shared)[0, 0])  # (q, c)
+                found.append(net.digest(net.encode(images, lights, shared), n, shared)[0, 0])
         advance(images.numel())
+        return found
+
+    parts = side_by_side(digested, samples.parts(AT_A_TIME.get(device.type, AT_A_TIME["cuda"])), device)
+    turns = [list(turn) for turn in zip(*parts, strict=True)]
+    del parts
     number = torch.full(mask.shape, len(start) - 1, device=device)
     number[mask] = torch.arange(len(start) - 1, device=device)
     for quarters in range(rotations):
-        pixels = torch.cat(digested.pop(0))[torch.rot90(number, quarters)[None]]  # (1, h, w, c)
+        pixels = torch.cat(turns.pop(0))[torch.rot90(number, quarters)[None]]  # (1, h, w, c)
         with inner_precision(device):
             told = net.look(pixels, n, net.begin(turned_map(found * mask, quarters), None))
         yield turned_map(told.float(), -quarters)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from contextvars import copy_context
 from typing import TypeVar
 
 import torch
@@ -22,12 +23,12 @@ def side_by_side(f: Callable[[P], T], parts: Iterable[P], device: torch.device) 
         return [f(part) for part in parts]
 
     def alone(part: P) -> T:
-        with torch.inference_mode(inferring):  # known to the thread that asked alone
+        with torch.inference_mode(inferring):  # a thread's own, as its context
             return f(part)
 
     torch.set_num_threads(1)  # of this thread, and of those that begin from now on
     try:
         with ThreadPoolExecutor(threads) as pool:
-            return list(pool.map(alone, parts))
+            return [done.result() for done in [pool.submit(copy_context().run, alone, part) for part in parts]]
     finally:
         torch.set_num_threads(threads)

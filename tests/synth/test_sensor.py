@@ -28,7 +28,7 @@ def test_exposure_undoes_a_gain():
 
 @pytest.mark.parametrize(("bits", "levels"), [(8, 256), (4, 16)])
 def test_samples_take_no_other_values_than_the_sensors_levels(bits, levels):
-    out = photograph(pictures(), torch.zeros(4), torch.full((4,), float(bits)), G)
+    out = photograph(pictures(), torch.zeros(4), torch.full((4,), 2.0**bits - 1), G)
     steps = out * (levels - 1)
     assert torch.allclose(steps, steps.round(), atol=1e-3)
     assert out.min() >= 0 and out.max() <= 1

@@ -243,7 +243,7 @@ def run_steps(out, steps, recipe=TINY, **options):
     class Broken(Toy):
         def __iter__(self):
             for i, batch in enumerate(super().__iter__()):
-                if 2 * i == steps and self.seed != validate.SEED:  # every batch is used twice
+                if 2 * i == steps * recipe.accumulate and self.seed != validate.SEED:  # every batch is used twice
                     raise Stopped
                 yield batch
 
@@ -391,3 +391,33 @@ def test_a_batch_without_a_finite_gradient_teaches_nothing(tmp_path, monkeypatch
     monkeypatch.setattr(loop, "error", lambda *given: error(*given) * (torch.nan if next(calls) == 2 else 1))
     net = load(run(tmp_path))
     assert all(p.isfinite().all() for p in net.parameters())
+
+
+def test_batches_whose_gradients_are_added_are_one_of_their_size(tmp_path):
+    """The first step, of four toy scenes at once and of twice two, all pixels counting alike."""
+
+    class Halves(Toy):
+        """The scenes of Toy's first batch of four, two at a time."""
+
+        def __iter__(self):
+            whole = next(iter(Toy("", 4, self.device, self.seed, lights=(self.n, self.n), crop=self.side)))
+            while True:
+                yield type(whole)(*(x[:2] for x in whole))
+                yield type(whole)(*(x[2:] for x in whole))
+
+    at_once = replace(TINY, images=(5, 5), turns=False, gain=(1.0, 1.0), reuse=1, steps=1)
+    loop.train(at_once, tmp_path / "whole", device="cpu", stream=Toy)
+    parts = replace(at_once, batch=2, accumulate=2)
+    loop.train(parts, tmp_path / "parts", device="cpu", stream=Halves)
+    a, b = (torch.load(tmp_path / x / checkpoint.NAME, weights_only=True) for x in ("whole", "parts"))
+    for k, w in a["network"].items():
+        torch.testing.assert_close(w, b["network"][k], atol=2e-4, rtol=0)
+    assert "1 of 4 samples" in (tmp_path / "parts" / "lambertian-prior.md").read_text()
+
+
+def test_an_accumulated_training_resumes_as_if_it_had_never_stopped(tmp_path):
+    recipe = replace(TINY, accumulate=3)
+    loop.train(recipe, tmp_path / "whole", device="cpu", stream=Toy)
+    run_steps(tmp_path / "parts", 6, recipe=recipe)
+    run(tmp_path / "parts", recipe, resume=True)
+    same(tmp_path / "whole", tmp_path / "parts")

@@ -53,6 +53,11 @@ class Rendering:
     saturated: float = 0.03  # most of the samples that exceed the sensor's range; none in 3 of 10 scenes
     noise: float = 0.015  # most, over a bright sample of the scene; a third of it in the dark
     low_bits: float = 0.2  # share of scenes in 8 bits; the others have 16
+    # modest cameras and files (synth/coarse.py)
+    dark: float = 0.0  # share of scenes whose brightest sample has but 20 to 255 grey levels, under uneven lights
+    jpeg: float = 0.0  # share of scenes that went through JPEG, of qualities 60 to 95
+    gamma: float = 0.0  # share of scenes whose linear values are off by a power of 0.9 to 1.1
+    clipped: float = 0.0  # share of scenes with 3 to 15 % of the lit samples beyond the sensor's range
     # errors of the set-up
     intensity_error: float = 0.03  # most standard deviation of a light's measured intensity
     light_error_deg: float = 1.0  # most standard deviation of a light's measured direction

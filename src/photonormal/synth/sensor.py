@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.synth.coarse import Coarse, stored
 from photonormal.synth.params import tensor
 from photonormal.synth.recipes import Rendering
 
@@ -36,20 +37,30 @@ def expose(I: Pictures, crops: int, saturated: Float[Tensor, " b"]) -> tuple[Pic
 
 
 def photograph(
-    I: Pictures, noise: Float[Tensor, " c"], bits: Float[Tensor, " c"], generator: torch.Generator
+    I: Pictures,
+    noise: Float[Tensor, " c"],
+    levels: Float[Tensor, " c"],
+    generator: torch.Generator,
+    black: Float[Tensor, " c"] | None = None,
 ) -> Pictures:
     """Shot and read noise, saturation at 1 and quantisation of linear values.
 
     `noise` is the standard deviation at full scale; it falls with the square root of the light to a third of it.
-    `bits` is 0 for values that stay as they are.
+    `levels` is how many steps there are up to 1; 0 for values that stay as they are. `black`, in steps, is added
+    before rounding: -0.5 cuts off what is not a full step.
     """
     per = noise.view(-1, 1, 1, 1, 1)
     if bool((noise > 0).any()):
         sigma = I.clamp(0, 1).mul_(0.9).add_(0.1).sqrt_().mul_(per)  # in place: memory costs more than arithmetic here
         I = sigma.mul_(torch.randn(I.shape, generator=generator, device=I.device)).add_(I)
     I = I.clamp(0, 1)
-    levels = (2 ** bits.view(-1, 1, 1, 1, 1) - 1).clamp(min=1)
-    return torch.where(levels > 1, (I * levels).round_() / levels, I) if bool((bits > 0).any()) else I
+    if not bool((levels > 0).any()):
+        return I
+    steps = levels.view(-1, 1, 1, 1, 1)
+    counted = I * steps
+    if black is not None and bool((black != 0).any()):
+        counted += black.view(-1, 1, 1, 1, 1)
+    return torch.where(steps > 0, counted.round_().clamp_(min=0).minimum(steps) / steps.clamp(min=1), I)
 
 
 def turned(L: np.ndarray, g: np.random.Generator, sigma_deg: np.ndarray) -> np.ndarray:
@@ -155,13 +166,18 @@ def measured(
         I = soften(I, height, mask, generator)
     if recipe.blurred:
         I = blur(I, drawn(0.2 * g.random(b) * (g.random(b) < recipe.blurred)).repeat_interleave(c))
-    I, bright = expose(I, c, drawn(recipe.saturated * g.random(b) ** 2 * (g.random(b) < 0.7)))
+    coarse = Coarse.drawn(recipe, g, b, n)
+    saturated = recipe.saturated * g.random(b) ** 2 * (g.random(b) < 0.7)
+    I, bright = expose(I, c, drawn(np.maximum(saturated, coarse.clipped)))
     if recipe.intensity_error:
         error = recipe.intensity_error * g.random((b, 1)) * g.normal(size=(b, n))
         I = I * drawn(1 + error).repeat_interleave(c, 0)[:, :, None, None, None]
     bits = np.where(g.random(b) < recipe.low_bits, 8.0, 16.0) * (recipe.low_bits > 0)
+    levels = np.where(coarse.levels > 0, coarse.levels, 2**bits - 1)
     noise = (drawn(recipe.noise * g.random(b) ** 2) * bright.clamp(max=1)).repeat_interleave(c)
-    I = photograph(I, noise, drawn(bits).repeat_interleave(c), generator)
+    coarse, levels = coarse.windows(c), drawn(levels).repeat_interleave(c)
+    gain = drawn(coarse.gain)[:, :, None, None, None]
+    I = stored(photograph(I * gain, noise, levels, generator, drawn(coarse.black)), coarse, g) / gain
     share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.3, b), 0.0)
     I = corrupt(I, np.repeat(share, c), g)
     known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))

@@ -19,6 +19,7 @@ LICENCE = "MIT"
 TITLES = {  # kind of exam -> its heading
     "clean": "Rendered scenes, held-out materials",
     "hemisphere": "The same under lights from everywhere, noisy",
+    "dark": "The first, with 20 to 255 grey levels",
     "blobby-paper": "Validation samples of the sets on disk, as the paper validates",
     "real": "Real objects, all images: mean angular error, degrees",
 }
@@ -41,7 +42,7 @@ def card(name: str, net: Model, trained: dict[str, Any], digest: str) -> str:
         ("command", f"`{trained['command']}`"),
         ("began with", trained["began_with"]),
         ("seed", trained["recipe"]["seed"]),
-        ("steps", f"{trained['steps']:,} of {trained['recipe']['batch']} samples"),
+        ("steps", f"{trained['steps']:,} of {trained['recipe']['batch'] * trained['recipe']['accumulate']} samples"),
         ("minutes", f"{trained['minutes']:.1f}"),
         ("device", trained["device"]),
         (

@@ -144,7 +144,7 @@ def train(
         recipe.seed * 1000 + rank,
         **lights,
     )
-    batches = replayed(source, step, recipe)
+    batches = replayed(source, step * recipe.accumulate, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
     journal = Journal(out, step, steps, minutes, recipe.loss if net.learns == "normals" else "") if rank == 0 else None
@@ -191,10 +191,13 @@ def train(
         if fraction >= 1 and step:  # never a network of random weights
             break
         share = recipe.share(step, fraction)
-        seen = observe(next(batches), recipe, net.scaling, step, rank)
-        loss = error(model, net, seen, recipe, 1 if step < recipe.once else recipe.passes, fabric)
         net.zero_grad()
-        fabric.backward(loss)
+        losses = []
+        for part in range(step * recipe.accumulate, (step + 1) * recipe.accumulate):
+            seen = observe(next(batches), recipe, net.scaling, part, rank)
+            loss = error(model, net, seen, recipe, 1 if step < recipe.once else recipe.passes, fabric)
+            fabric.backward(loss / recipe.accumulate)
+            losses.append(loss.detach())
         finite = True
         if recipe.clip:
             finite = bool(torch.nn.utils.clip_grad_norm_(net.parameters(), recipe.clip).isfinite())
@@ -204,7 +207,9 @@ def train(
             follow(mean, net, min(recipe.ema, (1 + step) / (10 + step)))
         step += 1
         if journal:
-            journal.step(step, fraction, loss.detach(), share * recipe.lr, recipe.batch)
+            journal.step(
+                step, fraction, torch.stack(losses).mean(), share * recipe.lr, recipe.batch * recipe.accumulate
+            )
             finish_step(last=False)
     path = out / f"{name}.safetensors"
     if journal:

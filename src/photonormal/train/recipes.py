@@ -22,7 +22,8 @@ class Recipe:
     reuse, ring : how often a rendered batch is used, and how many batches wait for it; where rendering is slower than
         learning, each use with other images and another turn
     images : fewest and most images of a sample; one number per batch, log-uniform between them
-    batch : samples in a step, over all processes together
+    batch, accumulate : samples in a batch, over all processes together, and batches whose gradients make a step; each
+        batch has its own number of images and its own prior
     steps : length of the training, where no `minutes` shorten it
     lr, schedule, warmup : peak rate; "halving" (`pieces` of equal length, each at half the rate of the one before),
         "cosine" or "flat" (the peak, but a straight fall over the last quarter), both down to 1 %; steps of linear
@@ -44,7 +45,7 @@ class Recipe:
         intensities; "": under the true ones
     turns : quarter turns and mirror images of every batch
     seed : of the weights, the stream and all of the above
-    validate : steps between validations
+    validate, exams : steps between validations, and the rendered ones of them (`train.validate.EXAMS`)
     """
 
     network: str = "lambertian-prior"
@@ -55,6 +56,7 @@ class Recipe:
     ring: int = 64
     images: tuple[int, int] = (32, 32)
     batch: int = 24
+    accumulate: int = 1
     steps: int = 140_600
     lr: float = 2e-3
     schedule: str = "halving"
@@ -74,6 +76,7 @@ class Recipe:
     turns: bool = False
     seed: int = 0
     validate: int = 2000
+    exams: tuple[str, ...] = ("clean", "hemisphere")
 
     def __post_init__(self) -> None:
         if not 1 <= self.images[0] <= self.images[1]:
@@ -154,6 +157,22 @@ NORMALNET_CPU = replace(
     validate=3000,
 )
 
+# on from trained weights (--start-from), with pictures of modest cameras, too: rates of a tenth, from where they fall
+NORMALNET_ON = replace(
+    NORMALNET_CPU,
+    rendering={"crop": 64, "crops": 2, "dark": 0.25, "jpeg": 0.1, "gamma": 0.1, "clipped": 0.1},
+    reuse=3,
+    accumulate=2,
+    lr=1e-4,
+    muon=0.002,
+    schedule="cosine",
+    warmup=20,
+    ema=0.98,
+    once=0,
+    validate=150,
+    exams=("clean", "hemisphere", "dark"),
+)
+
 # whole objects, lights exactly known: what a network learns to tell of them
 LIGHTS = replace(
     OURS,
@@ -214,6 +233,7 @@ RECIPES = {
     "psfcn-normalised-cpu": replace(CPU, network="psfcn", config={"width": 32, "normalised": True}, priors=()),
     "normalnet": NORMALNET,
     "normalnet-cpu": NORMALNET_CPU,
+    "normalnet-on": NORMALNET_ON,
     "sdps-lights": LIGHTS,
     "sdps-lights-cpu": replace(LIGHTS, images=(6, 24), batch=8, reuse=4, ring=64),
     "sdps": replace(PSFCN, images=(6, 32), **UNDER_TOLD),

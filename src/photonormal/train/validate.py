@@ -27,9 +27,10 @@ from photonormal.train.recipes import Recipe
 
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
 BATCHES = 8  # of every exam
-EXAMS = {  # on materials that training never sees: all images exact, and as the paper validates
-    "clean": {},
-    "hemisphere": {"narrow": 0.0, "noise": 0.03, "saturated": 0.015},
+EXAMS = {  # on materials that training never sees
+    "clean": {},  # all images exact
+    "hemisphere": {"narrow": 0.0, "noise": 0.03, "saturated": 0.015},  # as the paper validates
+    "dark": {"dark": 1.0},  # few grey levels
 }
 OBJECTS = ("ball", "bear", "cat", "reading")
 
@@ -39,7 +40,7 @@ def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Reci
     n = recipe.images[1]
     window = {k: v for k, v in recipe.rendering.items() if k in ("size", "crop", "crops", "zoom")}
     exam = partial(stream, "validation", recipe.batch, device, SEED, 0, lights=(n, n), **window)
-    return {kind: list(islice(exam(**changes), BATCHES)) for kind, changes in EXAMS.items()}
+    return {kind: list(islice(exam(**EXAMS[kind]), BATCHES)) for kind in recipe.exams}
 
 
 def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:

@@ -27,7 +27,7 @@ def test_a_field_is_changed_in_a_copy():
         ("train", {"crop": 256}, "crop <= size"),
         ("train", {"crops": 0}, "at least 1 each"),
         ("train", {"shapes": (1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)}, "shares can't be negative"),
-        ("train", {"materials": (0.0,) * 6}, "7 and 6, not all zero, are needed"),
+        ("train", {"materials": (0.0,) * 6}, "8 and 6, not all zero, are needed"),
     ],
 )
 def test_nonsense_is_refused(name, changes, message):

@@ -24,7 +24,7 @@ def each_seen(solids, b):
 
 def ball(radius=0.8):
     """The first plain solid, made a ball."""
-    solids = draw_solids(rng(0), 1, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+    solids = draw_solids(rng(0), 1, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
     solids.parts.on[:] = torch.arange(solids.parts.on.shape[1]) == 0
     solids.parts.M[:] = torch.eye(3) / radius
     solids.parts.e[:] = 2
@@ -68,7 +68,7 @@ def test_rays_leave_a_ball_where_it_ends_and_enter_the_next():
 
 def test_what_is_behind_is_found_in_drawn_solids():
     """By steps of half a pixel, which miss nothing that is wider."""
-    solids = draw_solids(rng(3), 6, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), 0.5)
+    solids = draw_solids(rng(3), 6, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0), 0.5)
     for solid, view, g, p in each_seen(solids, 6):
         z, floor = p[0, 2] / view.pixel, (p[0, 2] / view.pixel).amin()
         field, down = solid.field(), torch.arange(2, 400)[:, None] / 2
@@ -93,7 +93,7 @@ def test_every_kind_is_seen_with_unit_normals_that_face_the_camera():
 
 
 def test_points_seen_lie_on_the_surface_and_nothing_lies_before_them():
-    solids = draw_solids(rng(5), 4, (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0), 0.3)
+    solids = draw_solids(rng(5), 4, (0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.3)
     for solid, view, _, p in each_seen(solids, 4):
         assert solid(p).abs().quantile(0.99) < 0.1 * view.pixel
         for step in (2, 6, 20):  # pixels in front
@@ -102,7 +102,7 @@ def test_points_seen_lie_on_the_surface_and_nothing_lies_before_them():
 
 
 def test_gradient_is_the_slope_of_the_function():
-    solids = draw_solids(rng(2), 3, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0), 1.0)
+    solids = draw_solids(rng(2), 3, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0), 1.0)
     p = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (3, 3, 50)).astype(np.float32))
     g = gradient(solids, p)
     for axis in range(3):
@@ -113,7 +113,7 @@ def test_gradient_is_the_slope_of_the_function():
 
 
 def test_scenes_together_are_the_scenes_one_by_one():
-    solids = draw_solids(rng(3), 3, (1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0), 0.7)
+    solids = draw_solids(rng(3), 3, (1.0, 1.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0), 0.7)
     _, together = seen(solids, 3)
     for i in range(3):
         _, alone = seen(take(solids, slice(i, i + 1)), 1)
@@ -124,7 +124,7 @@ def test_scenes_together_are_the_scenes_one_by_one():
 
 def test_thin_walls_are_not_stepped_over():
     """Walls of hollow turned solids, at least a pixel thick along the ray, against marching by half a pixel."""
-    solids = draw_solids(rng(11), 8, (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0))
+    solids = draw_solids(rng(11), 8, (0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
     view, g = seen(solids, 8)
     step = view.pixel[0] / 2
     x, y = view.rays(64)
@@ -136,3 +136,15 @@ def test_thin_walls_are_not_stepped_over():
     there = first > -torch.inf
     below = ~g.mask.flatten(1) | (g.height.flatten(1) * view.pixel[:, None] < first - 4 * step)
     assert (there & below).sum() < 0.0015 * there.sum()
+
+
+def test_pleats_are_steep_and_leave_other_solids_alone():
+    """Normals of pleated solids turn more from pixel to pixel than those of the turned ones that they are made from."""
+
+    def turning(kind: str) -> float:
+        solids = draw_solids(rng(4), 6, tuple(float(kind == k) for k in KINDS), 0.0)
+        _, g = seen(solids, 6)
+        both = g.mask[..., 1:] & g.mask[..., :-1]
+        return float((g.normals[..., 1:] - g.normals[..., :-1]).norm(dim=1)[both].mean())
+
+    assert turning("pleated") > 1.5 * turning("turned")

@@ -22,6 +22,8 @@ from photonormal.synth.waves import Waves, draw_waves
 
 PALETTE, SEEDS = 4, 24
 LAMBERT = FAMILIES.index("lambert")
+PRINCIPLED = {"matt": 0.19, "plastic": 0.23, "metal": 0.25, "cloth": 0.07, "coated": 0.12, "glazed": 0.14}
+METAL = {"metal": 1.0}
 PATTERNS = ("plain", "patches", "cells", "gradient", "veins")
 BRIGHTEST = 60.0  # bound of pi f at mirror geometry, in times a white matt surface
 
@@ -200,8 +202,18 @@ def _texture(coats: Coats, p: Tensor) -> tuple[Tensor, Tensor]:
     return tint, stain
 
 
-def draw_coats(g: np.random.Generator, b: int, mix: tuple[float, ...], varying: float, shelf: Library | None) -> Coats:
-    """`mix` are the shares of FAMILIES (those that no file is there for go to the others), `varying` of patterns."""
+def draw_coats(
+    g: np.random.Generator,
+    b: int,
+    mix: tuple[float, ...],
+    varying: float,
+    shelf: Library | None,
+    kinds: dict[str, float] = PRINCIPLED,
+) -> Coats:
+    """`mix` are the shares of FAMILIES (those that no file is there for go to the others), `varying` of patterns.
+
+    `kinds` are the shares of kinds of principled materials.
+    """
     share = np.asarray(mix, float) * [1, *[shelf is not None] * 3, bool(shelf and shelf.merl), 1]
     if share.sum() == 0:
         share[0] = 1
@@ -219,7 +231,7 @@ def draw_coats(g: np.random.Generator, b: int, mix: tuple[float, ...], varying: 
         torch.from_numpy(np.argsort(g.random((b, 3)), -1).copy()),
         tensor(measured_mix),
         tensor((g.random(b) < 0.5).astype(float)),
-        tensor(np.stack([_palette(g) for _ in range(b)])),
+        tensor(np.stack([_palette(g, kinds) for _ in range(b)])),
         torch.from_numpy(pattern),
         draw_waves(g, log_uniform(g, 1.5, 9, (b, 1)) * np.ones((1, PALETTE)), 8, 1.5),
         tensor(seeds),
@@ -231,13 +243,13 @@ def draw_coats(g: np.random.Generator, b: int, mix: tuple[float, ...], varying: 
     )
 
 
-def _palette(g: np.random.Generator) -> np.ndarray:
+def _palette(g: np.random.Generator, kinds: dict[str, float]) -> np.ndarray:
     """Four related principled materials (4, 11)."""
-    first = _principled(g)
+    first = _principled(g, kinds)
     same = g.random() < 0.6
     entries = [first]
     for _ in range(PALETTE - 1):
-        other = _principled(g)
+        other = _principled(g, kinds)
         if same:  # another colour of the same stuff
             entries.append(np.concatenate([other[:3], first[3:4], [first[4] * g.uniform(0.8, 1.25)], first[5:]]))
         else:
@@ -245,8 +257,8 @@ def _palette(g: np.random.Generator) -> np.ndarray:
     return np.stack(entries)
 
 
-def _principled(g: np.random.Generator) -> np.ndarray:
-    kind = g.choice(["matt", "plastic", "metal", "cloth", "coated", "glazed"], p=[0.19, 0.23, 0.25, 0.07, 0.12, 0.14])
+def _principled(g: np.random.Generator, kinds: dict[str, float]) -> np.ndarray:
+    kind = g.choice(list(kinds), p=list(kinds.values()))
     value, saturation, hue = g.uniform(0.15, 0.95), g.beta(1.1, 2.2), g.uniform(0, 2 * np.pi)
     base = value * (1 - 0.85 * saturation * (0.5 + 0.5 * np.cos(hue + np.array([0, 2.1, 4.2]))))
     metallic, rough, spec = 0.0, g.uniform(0.45, 1), g.uniform(0, 0.4)

@@ -25,8 +25,8 @@ class Rendering:
     coverage: float = 0.5  # least share of a window that is on the object
     hollows: float = 2.0  # how strongly half of the windows prefer parts below their surroundings
     zoom: float = 0.45  # share of scenes that show a part of the object only
-    # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned, piles
-    shapes: tuple[float, ...] = (0.22, 0.13, 0.17, 0.15, 0.06, 0.14, 0.13)
+    # shapes: shares of plain convex, blobs, figures, reliefs, machined, turned, piles, pleated
+    shapes: tuple[float, ...] = (0.22, 0.13, 0.17, 0.15, 0.06, 0.14, 0.13, 0.0)
     detail: float = 1.0  # 0: smooth
     solid: str = "drawn"  # "bust": one fixed sculpture instead of drawn shapes
     meshes: str | None = (
@@ -35,6 +35,7 @@ class Rendering:
     mesh_share: float = 1.0  # share of the groups of scenes that see meshes, where there are any
     # materials: shares of principled, sgd, abc, neural, raw MERL files, Lambertian
     materials: tuple[float, ...] = (0.4, 0.25, 0.18, 0.15, 0.1, 0.02)
+    metal: bool = False  # the principled materials are all metals
     varying: float = 0.5  # share whose material changes over the surface
     split: str = "train"  # of the measured materials' names: train, validation, all
     data: str | None = None  # folder of the measured materials; None: PHOTONORMAL_DATA/brdf, or principled only
@@ -80,9 +81,17 @@ RECIPES: dict[str, Rendering] = {
     "preview": Rendering(lights=(4, 4), **{**_WHOLE, "zoom": 0.25}, **_PERFECT),
     "blobby": Rendering(lights=(64, 64), narrow=0.0, **{**_WHOLE, "layout": "blobby"}, **_PERFECT),
     # stand-ins for the sets that the paper learns from: lights from everywhere, exact; one material a sample
-    "blobs": Rendering(shapes=(0.3, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0), detail=0.25, **_STAND_IN),
+    "blobs": Rendering(shapes=(0.3, 0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), detail=0.25, **_STAND_IN),
     "sculptures": Rendering(
-        shapes=(0.0, 0.0, 0.4, 0.25, 0.05, 0.15, 0.15), detail=1.3, meshes="data", mesh_share=0.4, **_STAND_IN
+        shapes=(0.0, 0.0, 0.4, 0.25, 0.05, 0.15, 0.15, 0.0), detail=1.3, meshes="data", mesh_share=0.4, **_STAND_IN
+    ),
+    # pleats, folds and bowls of metal, whose walls mirror each other
+    "hollow-metal": Rendering(
+        shapes=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+        materials=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        metal=True,
+        varying=0.25,
+        bounce=1.0,
     ),
     "demo": Rendering(
         size=160,
@@ -97,7 +106,7 @@ RECIPES: dict[str, Rendering] = {
     ),
     "lambert": Rendering(
         lights=(32, 32),
-        shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
         detail=0.0,
         materials=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
         varying=0.0,
@@ -115,6 +124,7 @@ MIXTURES = {  # name -> recipes and their shares of the blocks of a stream
         ("blobs", 25_660),
         ("sculptures", 58_700),
     ),  # as many as the samples of Blobby and Sculpture
+    "train-and-hollow-metal": (("train", 9), ("hollow-metal", 1)),
 }
 
 
@@ -160,8 +170,8 @@ def check(made: Rendering) -> None:
             raise InputError(f"{key} are {shares} but shares can't be negative; change them.")
     if not 0 <= made.mesh_share <= 1:
         raise InputError(f"mesh_share is {made.mesh_share} but a share from 0 to 1 is needed; change it.")
-    if len(made.shapes) != 7 or len(made.materials) != 6 or not sum(made.shapes) * sum(made.materials):
+    if len(made.shapes) != 8 or len(made.materials) != 6 or not sum(made.shapes) * sum(made.materials):
         raise InputError(
-            f"shapes has {len(made.shapes)} shares and materials {len(made.materials)} but 7 and 6, not all zero, "
+            f"shapes has {len(made.shapes)} shares and materials {len(made.materials)} but 8 and 6, not all zero, "
             "are needed."
         )

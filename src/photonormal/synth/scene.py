@@ -16,7 +16,17 @@ from photonormal.synth import bounce
 from photonormal.synth.bust import busts, glazes
 from photonormal.synth.library import Library
 from photonormal.synth.lights import draw_lights
-from photonormal.synth.materials import Coats, Skin, at_points, draw_coats, dress, radiance, skins_albedo
+from photonormal.synth.materials import (
+    METAL,
+    PRINCIPLED,
+    Coats,
+    Skin,
+    at_points,
+    draw_coats,
+    dress,
+    radiance,
+    skins_albedo,
+)
 from photonormal.synth.meshes import draw_views, mesh_folder
 from photonormal.synth.params import indices, log_uniform, tensor
 from photonormal.synth.recipes import Rendering
@@ -54,7 +64,8 @@ def draw_scenes(recipe: Rendering, g: np.random.Generator, b: int, n: int, shelf
             solids = draw_views(g, b, folder)
         else:
             solids = draw_solids(g, b, recipe.shapes, recipe.detail)
-        coats = draw_coats(g, b, recipe.materials, recipe.varying, shelf)
+        kinds = METAL if recipe.metal else PRINCIPLED
+        coats = draw_coats(g, b, recipe.materials, recipe.varying, shelf, kinds)
     return Scenes(
         solids,
         coats,

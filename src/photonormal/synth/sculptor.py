@@ -1,6 +1,8 @@
-"""Draws random solids: plain convex ones, blobs, figures, reliefs, machined and turned parts, and piles of things."""
+"""Draws random solids: plain convex ones, blobs, figures, reliefs, machined and turned parts, piles, pleats."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import torch
@@ -9,14 +11,16 @@ from photonormal.synth.params import log_uniform, rotations, tensor, unit_vector
 from photonormal.synth.shapes import FAR, Detail, Ellipsoids, Lathe, Solids
 from photonormal.synth.waves import draw_waves
 
-KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned", "pile")
+KINDS = ("plain", "blobs", "figure", "relief", "machined", "turned", "pile", "pleated")
 PARTS, HOLES, CUTS = 10, 3, 3
 
 
 def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughness: float = 1.0) -> Solids:
     """`b` solids; `mix` are the shares of KINDS, `roughness` scales all detail (0: smooth)."""
     kind = g.choice(len(KINDS), b, p=np.asarray(mix) / sum(mix))
-    plain, blobs, figure, relief, machined, turned, pile = (kind == i for i in range(len(KINDS)))
+    pleated = kind == KINDS.index("pleated")
+    kind = np.where(pleated, KINDS.index("turned"), kind)
+    plain, blobs, figure, relief, machined, turned, pile, _ = (kind == i for i in range(len(KINDS)))
     plain_lathe = plain & (g.random(b) < 0.3)
     lathe = turned | plain_lathe
     parts = _parts(g, b, kind, plain_lathe)
@@ -35,7 +39,7 @@ def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughnes
     wall = relief | (pile & (g.random(b) < 0.6)) | (figure & (g.random(b) < 0.25))
     blend = np.where(g.random(b) < 0.45, log_uniform(g, 0.008, 0.03, b), log_uniform(g, 0.03, 0.16, b))
     blend = np.where(pile, 0.008, blend)
-    return Solids(
+    solids = Solids(
         parts,
         holes,
         _lathe(g, lathe, plain_lathe),
@@ -47,10 +51,38 @@ def draw_solids(g: np.random.Generator, b: int, mix: tuple[float, ...], roughnes
         tensor(np.where((machined | blobs) & (g.random(b) < 0.35), g.uniform(-2.2, 2.2, b), 0.0)),
         _detail(g, b, kind, roughness),
     )
+    return _with_pleats(g, solids, pleated) if pleated.any() else solids
+
+
+def _with_pleats(g: np.random.Generator, solids: Solids, on: np.ndarray) -> Solids:
+    """Turned solids, of which those that are `on` get deep flutes, or folds over everything: bowls, pouches, cloth."""
+    b, lathe, detail = len(on), solids.lathe, solids.detail
+    fluted = on & (g.random(b) < 0.6)
+    folded = on & ~fluted
+    flutes = g.integers(8, 25, b)
+    fold = log_uniform(g, 6, 16, b)
+    direction = unit_vectors(g, (b,)) * [1, 0.4, 0.4]
+    some = torch.from_numpy(folded)
+    return replace(
+        solids,
+        lathe=replace(
+            lathe,
+            flutes=torch.where(torch.from_numpy(fluted), tensor(flutes.astype(float)), lathe.flutes),
+            flute_depth=torch.where(
+                torch.from_numpy(fluted), tensor(g.uniform(0.6, 1.8, b) / flutes), lathe.flute_depth
+            ),
+        ),
+        detail=replace(
+            detail,
+            fold=torch.where(some, tensor(g.uniform(0.6, 1.4, b) / fold), detail.fold),
+            fold_w=torch.where(some[:, None, None], tensor((direction * fold[:, None])[:, None]), detail.fold_w),
+            patch=torch.where(some, torch.zeros(b), detail.patch),
+        ),
+    )
 
 
 def _parts(g: np.random.Generator, b: int, kind: np.ndarray, none: np.ndarray) -> Ellipsoids:
-    plain, blobs, figure, relief, machined, _, pile = (kind == i for i in range(len(KINDS)))
+    plain, blobs, figure, relief, machined, _, pile, _ = (kind == i for i in range(len(KINDS)))
     lone = plain[:, None]
     ball = lone & (g.random((b, 1)) < 0.4)
     size = np.where(
@@ -124,7 +156,7 @@ def _about(axis: int, angle: np.ndarray) -> np.ndarray:
 
 
 def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) -> Detail:
-    plain, _, figure, relief, _, turned, pile = (kind == i for i in range(len(KINDS)))
+    plain, _, figure, relief, _, turned, pile, _ = (kind == i for i in range(len(KINDS)))
     frequency = np.stack([log_uniform(g, 2.5, 6, b), log_uniform(g, 8, 20, b), log_uniform(g, 22, 45, b)], -1)
     scale = (
         roughness

@@ -20,6 +20,7 @@ TITLES = {  # kind of exam -> its heading
     "clean": "Rendered scenes, held-out materials",
     "hemisphere": "The same under lights from everywhere, noisy",
     "dark": "The first, with 20 to 255 grey levels",
+    "hollow-metal": "Rendered pleats and bowls of metal",
     "blobby-paper": "Validation samples of the sets on disk, as the paper validates",
     "real": "Real objects, all images: mean angular error, degrees",
 }

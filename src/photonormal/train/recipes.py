@@ -157,9 +157,10 @@ NORMALNET_CPU = replace(
     validate=3000,
 )
 
-# on from trained weights (--start-from), with pictures of modest cameras, too: rates of a tenth, from where they fall
+# on from trained weights (--start-from), with modest cameras and hollow metal, too: rates of a tenth that fall at once
 NORMALNET_ON = replace(
     NORMALNET_CPU,
+    stream="train-and-hollow-metal",
     rendering={"crop": 64, "crops": 2, "dark": 0.25, "jpeg": 0.1, "gamma": 0.1, "clipped": 0.1},
     reuse=3,
     accumulate=2,
@@ -170,7 +171,7 @@ NORMALNET_ON = replace(
     ema=0.98,
     once=0,
     validate=150,
-    exams=("clean", "hemisphere", "dark"),
+    exams=("clean", "hemisphere", "dark", "hollow-metal"),
 )
 
 # whole objects, lights exactly known: what a network learns to tell of them

@@ -22,15 +22,18 @@ from photonormal.methods.uncalibrated.guess import guess
 from photonormal.scoring import score
 from photonormal.scoring.lights import intensity_error, score_lights
 from photonormal.shading import angle_deg
+from photonormal.synth.recipes import RECIPES as SCENES
 from photonormal.train.observe import Observed, observe, telling
 from photonormal.train.recipes import Recipe
 
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
 BATCHES = 8  # of every exam
+HOLLOW = SCENES["hollow-metal"]
 EXAMS = {  # on materials that training never sees
     "clean": {},  # all images exact
     "hemisphere": {"narrow": 0.0, "noise": 0.03, "saturated": 0.015},  # as the paper validates
     "dark": {"dark": 1.0},  # few grey levels
+    "hollow-metal": {k: getattr(HOLLOW, k) for k in ("shapes", "materials", "metal", "varying", "bounce")},
 }
 OBJECTS = ("ball", "bear", "cat", "reading")
 

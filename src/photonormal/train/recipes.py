@@ -157,10 +157,9 @@ NORMALNET_CPU = replace(
     validate=3000,
 )
 
-# on from trained weights (--start-from), with modest cameras and hollow metal, too: rates of a tenth that fall at once
+# on from trained weights (--start-from), with modest cameras, too: rates of a tenth that fall at once
 NORMALNET_ON = replace(
     NORMALNET_CPU,
-    stream="train-and-hollow-metal",
     rendering={"crop": 64, "crops": 2, "dark": 0.25, "jpeg": 0.1, "gamma": 0.1, "clipped": 0.1},
     reuse=3,
     accumulate=2,
@@ -171,7 +170,12 @@ NORMALNET_ON = replace(
     ema=0.98,
     once=0,
     validate=150,
-    exams=("clean", "hemisphere", "dark", "hollow-metal"),
+    exams=("clean", "hemisphere", "dark"),
+)
+
+# on from there, with hollow metal, too
+NORMALNET_HOLLOW = replace(
+    NORMALNET_ON, stream="train-and-hollow-metal", lr=5e-5, muon=0.001, exams=(*NORMALNET_ON.exams, "hollow-metal")
 )
 
 # whole objects, lights exactly known: what a network learns to tell of them
@@ -235,6 +239,7 @@ RECIPES = {
     "normalnet": NORMALNET,
     "normalnet-cpu": NORMALNET_CPU,
     "normalnet-on": NORMALNET_ON,
+    "normalnet-hollow": NORMALNET_HOLLOW,
     "sdps-lights": LIGHTS,
     "sdps-lights-cpu": replace(LIGHTS, images=(6, 24), batch=8, reuse=4, ring=64),
     "sdps": replace(PSFCN, images=(6, 32), **UNDER_TOLD),

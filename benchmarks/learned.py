@@ -1,9 +1,10 @@
 """How well a learned method does on DiLiGenT objects: its options, few images, faults of a set-up.
 
-    python benchmarks/learned.py ROOT [--method normalnet] [--weights FILE] [--tables options,images,faults]
+    python benchmarks/learned.py ROOT [--method normalnet] [--weights FILE] [--tables options,images,faults,levels]
 
 ROOT holds `<object>PNG` folders. Prints Markdown; angles are means over the mask in degrees. `images`: draws of fixed
-seeds at full resolution. `faults`: what each fault costs. How far it can be trusted: `benchmarks/expected.py`.
+seeds at full resolution. `faults`: what each fault costs. `levels`: pictures of few grey levels. How far it can be
+trusted: `benchmarks/expected.py`.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import argparse
 import time
 from dataclasses import fields, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -107,12 +109,41 @@ def faults(solver: Method, captures: Captures, device: torch.device) -> None:
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
 
 
+def with_levels(capture: pn.Capture, levels: int, middle: bool) -> pn.Capture:
+    """The capture as if its files had but `levels` grey levels up to the brightest sample of the object.
+
+    Files hold what is divided by the lights' intensities afterwards. What is not a full level is cut off; `middle`:
+    each level stands for the middle of its step.
+    """
+    e = np.asarray(capture.images.intensities)[:, None, None]  # (n, 1, 1, c)
+    loaded = in_memory(capture)
+    stored = np.asarray(loaded.images) * e
+    step = float(stored[:, capture.mask].max()) / levels
+    counts = np.floor((stored / step).clip(0, levels)) + 0.5 * middle
+    return replace(loaded, images=(counts * step / e).astype(np.float32))
+
+
+def few_levels(solver: Method, root: dict[str, Path], device: torch.device) -> None:
+    """All levels of the files, then few."""
+    print_row("grey levels", *root, "mean")
+    print_row(*["---"] * (len(root) + 2))
+    rows = {"all": in_memory}
+    rows |= {
+        f"{n}, {'middle of a step' if middle else 'cut off'}": partial(with_levels, levels=n, middle=middle)
+        for n in (48, 32)
+        for middle in (False, True)
+    }
+    for name, spoil in rows.items():
+        errors = [mean_deg(solver, spoil(pn.load(folder)), device) for folder in root.values()]
+        print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("root", type=Path)
     parser.add_argument("--method", default="normalnet")
     parser.add_argument("--weights", default="")
-    parser.add_argument("--tables", default="options,images,faults")
+    parser.add_argument("--tables", default="options,images,faults,levels")
     parser.add_argument("--draws", type=int, default=100)
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
@@ -127,6 +158,7 @@ def main() -> None:
         "options": lambda: options(given.method, weights, captures, device),
         "images": lambda: few_images(solver, captures, given.draws, device),
         "faults": lambda: faults(solver, captures, device),
+        "levels": lambda: few_levels(solver, found, device),
     }
     for name in given.tables.split(","):
         print(f"\n{name}\n")

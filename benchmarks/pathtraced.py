@@ -1,6 +1,7 @@
 """The training renderer against Mitsuba 3 on the same scenes, as a Markdown table; pictures side by side on request.
 
     python benchmarks/pathtraced.py [--meshes FOLDER] [--pictures FOLDER] [--lights 6] [--size 128] [--samples 64]
+        [--bounces 1]
 
 Both render the same object under the same lights. Errors are means over the images of the mean absolute difference over
 the mean value, on the pixels that light reaches in both; shadows are compared on pixels at least one away from edges.
@@ -78,6 +79,7 @@ def main() -> None:
     parser.add_argument("--lights", type=int, default=6)
     parser.add_argument("--size", type=int, default=128)
     parser.add_argument("--samples", type=int, default=64)
+    parser.add_argument("--bounces", type=int, default=1, help="in the path tracer; the training renderer has its own")
     parser.add_argument("--only", help="part of the names of the scenes to render")
     arguments = parser.parse_args()
     scenes: dict[str, dict] = {f"{kind}, varying": {"kind": kind, "seed": 1} for kind in KINDS}
@@ -89,6 +91,8 @@ def main() -> None:
         materials = {"matt": MATT, "plastic": PLASTIC, "metal": METAL, "coated": COATED}
         scenes |= {f"{name}, {what}": {"kind": mesh, "material": values} for what, values in materials.items()}
         scenes[f"{name}, varying"] = {"kind": mesh, "seed": 3}
+    scenes |= {f"pleats {seed}, metal": {"kind": "pleated", "seed": seed, "material": METAL} for seed in (1, 2, 3, 4)}
+    scenes["bowl, metal"] = {"kind": bowl(), "material": METAL}
     scenes["bowl, Mitsuba's diffuse"] = {"kind": bowl(), "material": MATT[:3]}
     scenes |= {
         f"sphere, Mitsuba's {what}": {"kind": sphere(), "material": values, "stock": stock}
@@ -102,7 +106,14 @@ def main() -> None:
         if arguments.only and arguments.only not in title:
             continue
         started = time.perf_counter()
-        c = compare(name=title, n=arguments.lights, size=arguments.size, samples=arguments.samples, **options)
+        c = compare(
+            name=title,
+            n=arguments.lights,
+            size=arguments.size,
+            samples=arguments.samples,
+            bounces=arguments.bounces,
+            **options,
+        )
         print(row(c, time.perf_counter() - started), flush=True)
         if arguments.pictures:
             arguments.pictures.mkdir(parents=True, exist_ok=True)

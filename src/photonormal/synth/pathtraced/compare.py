@@ -34,7 +34,7 @@ REACH = 1.7  # half side of the cube that holds a drawn solid
 
 @dataclass(frozen=True)
 class Compared:
-    """Both renderers' images of one scene, direct light and with one bounce, (n, s, s, 3), and where lights arrive.
+    """Both renderers' images of one scene, direct light and with bounces, (n, s, s, 3), and where lights arrive.
 
     Both see the path tracer's triangles. Of a drawn solid there are the training renderer's own normals, too, marched
     to on the implicit surface, and its images of them: they differ by the triangles' error and by its own.
@@ -58,7 +58,7 @@ class Compared:
         return float("nan") if self.marched is None else self._percent((self.marched, self.direct[1]))
 
     def bounced_percent(self) -> float:
-        """As `direct_percent`, of light that came straight or by one other place."""
+        """As `direct_percent`, of light that came straight or by other places."""
         return self._percent(self.bounced)
 
     def indirect_ratio(self) -> float:
@@ -118,6 +118,7 @@ def compare(
     cells: int = 256,
     detail: float = 1.0,
     name: str | None = None,
+    bounces: int = 1,
 ) -> Compared:
     """Render one scene with both.
 
@@ -128,6 +129,7 @@ def compare(
     stock : a material of Mitsuba's own to put in the place of the same formula
     n, size, samples, cells : lights, pixels a side, paths a pixel, cells a side of the grid around a drawn solid
     detail : scale of a drawn solid's relief; 0: smooth
+    bounces : how often light may pass between surfaces in the path tracer
     """
     shapes = tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Rendering.shapes
     made = plain(shapes=shapes, varying=1.0, detail=detail)
@@ -162,7 +164,7 @@ def compare(
         (_render(straight, geometry, made), tracer.trace(scene, camera, L, 1, 0, centred=True)),
         (
             _render(replace(scenes, bounce=torch.tensor([True])), geometry, made),
-            tracer.trace(scene, camera, L, samples, 1, centred=True),
+            tracer.trace(scene, camera, L, samples, bounces, centred=True),
         ),
         ((visible[0].view(n, size, size).numpy() > 0.5) & facing & mask, tracer.reached(scene, camera, L) & mask),
         (seen.normals if own is None else own.normals[0].permute(1, 2, 0).numpy(), seen.normals),

@@ -17,7 +17,7 @@ from photonormal.methods.inputs.grey import grey
 from photonormal.methods.inputs.scaling import moment, scaled
 from photonormal.methods.learned.lightsnet import LightsNet
 from photonormal.methods.learned.weights import load, shipped
-from photonormal.methods.uncalibrated.guess import looked, stretched
+from photonormal.methods.uncalibrated.guess import looked
 from photonormal.train.recipes import Recipe
 
 TILT_DEG = 30.0  # of the prior that is made from the truth
@@ -95,7 +95,7 @@ def telling(name: str, device: torch.device) -> LightsNet:
 def under_told(net: LightsNet, images: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
     """Images (b, k, c, h, w) of whole objects over the intensities that a network tells, and directions (b, k, 3)."""
     told = looked(net, images, mask)
-    return images / told.log_intensities.exp()[..., None, None, None].to(images), stretched(told.directions)
+    return images / told.log_intensities.exp()[..., None, None, None].to(images), told.directions
 
 
 def prior_normals(

@@ -18,8 +18,6 @@ from photonormal.methods.uncalibrated.reduced import reduced
 from photonormal.shading import normalised
 from photonormal.types import Capture
 
-STRETCH = 1.12  # of x and y: means over all that a network holds possible are too near to the camera
-
 
 class Guess(NamedTuple):
     """Lights of n images, from the photographs alone."""
@@ -44,7 +42,7 @@ def guess(net: LightsNet, capture: Capture, device: torch.device) -> Guess:
         L = torch.stack([turned_back(t.directions[0], case) for case, t in enumerate(told)]).mean(0)
         e = torch.stack([t.log_intensities[0] for t in told]).mean(0).exp()
         doubt = torch.stack([t.told_deg[0] for t in told]).mean(0)
-    return Guess(*(v.cpu().float() for v in (stretched(L), e, doubt)))
+    return Guess(*(v.cpu().float() for v in (normalised(L), e, doubt)))
 
 
 def looked(net: LightsNet, images: Float[Tensor, "b n c s s"], mask: Bool[Tensor, "b 1 s s"]) -> Lights:
@@ -52,11 +50,6 @@ def looked(net: LightsNet, images: Float[Tensor, "b n c s s"], mask: Bool[Tensor
     x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), images.shape[1])
     with inner_precision(images.device):
         return net(x, mask)
-
-
-def stretched(L: Float[Tensor, "*b n 3"]) -> Float[Tensor, "*b n 3"]:
-    """Unit lights from the network's mean directions."""
-    return normalised(L.float() * L.new_tensor([STRETCH, STRETCH, 1.0]))
 
 
 def turned(maps: Tensor, case: int) -> Tensor:

@@ -28,6 +28,7 @@ Share = Annotated[float, Meta(ge=0, le=1, description="a number from 0 to 1")]
 Angle = Annotated[float, Meta(gt=0, le=180, description="degrees above 0 and up to 180")]
 Device = Annotated[str, Meta(pattern=r"^(auto|cpu|cuda(:\d{1,3})?)$", description="auto, cpu or cuda")]
 Rotations = Annotated[Literal[1, 4], Meta(description="1 or 4, as quarter turns keep the pixels,")]
+Turns = Annotated[int, Meta(ge=1, le=36, description="a whole number from 1 to 36")]
 Frame = Annotated[
     Literal["opengl", "directx", "y-down", "z-away", "blender"],
     Meta(description="opengl, directx, y-down, z-away or blender"),

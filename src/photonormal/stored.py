@@ -20,6 +20,7 @@ Name = Annotated[  # of a file below a folder, too
     str, Meta(min_length=1, max_length=1024, pattern=r"^(?!/)(?!.*\.\.)[^\\\x00-\x1f\x7f-\x9f]+$")
 ]
 Size = Annotated[int, Meta(ge=0, le=4096)]
+Vectors = Annotated[list[tuple[float, float, float]], Meta(max_length=4096)]
 
 
 def decoded(text: str | bytes, kind: type[T], what: object, advice: str) -> T:

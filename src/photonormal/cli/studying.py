@@ -216,6 +216,8 @@ class Train:
     """Folder for checkpoint, journal, TensorBoard and weights."""
     data: UseAppendAction[tuple[Path, ...]] = ()
     """A set to learn from in place of rendered scenes; repeat it for several. Blobby, Sculpture, shards or DiLiGenT."""
+    lights: Annotated[Path | None, shown("FILE")] = None
+    """Lights of the rig that a network is learned for, such as dpsn."""
     minutes: Annotated[Positive | None, shown("N")] = None
     """Time to stop after; the schedule stretches to it."""
     steps: Annotated[Count | None, shown("N")] = None
@@ -252,6 +254,7 @@ class Train:
                 name=self.name,
                 precision=self.precision,
                 data=self.data,
+                lights=self.lights,
             )
         )
         return 0

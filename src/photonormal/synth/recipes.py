@@ -43,6 +43,7 @@ class Rendering:
     lights: tuple[int, int] = (32, 32)  # fewest and most of a batch, log-uniform
     narrow: float = 0.6  # share of light sets like DiLiGenT's; the rest span the hemisphere
     rig: str = "mixed"  # one kind of light set, from lights.KINDS, instead
+    directions: tuple[tuple[float, float, float], ...] = ()  # of all scenes' lights as measured; true ones differ
     distance: float | None = None  # of the lamps, in half widths of the scene; None: infinitely far
     ambient: float = 0.01  # most light from everywhere, of a white surface's brightest
     # transport

@@ -31,6 +31,7 @@ from photonormal.synth.meshes import draw_views, mesh_folder
 from photonormal.synth.params import indices, log_uniform, tensor
 from photonormal.synth.recipes import Rendering
 from photonormal.synth.sculptor import draw_solids
+from photonormal.synth.sensor import turned
 from photonormal.synth.shadows import distant, nearby
 from photonormal.synth.trace import Geometry, Solid, View, approach, survey
 
@@ -69,12 +70,19 @@ def draw_scenes(recipe: Rendering, g: np.random.Generator, b: int, n: int, shelf
     return Scenes(
         solids,
         coats,
-        tensor(draw_lights(g, b, n, recipe.narrow, recipe.rig)),
+        tensor(lights_of_scenes(recipe, g, b, n)),
         tensor(np.where(near, log_uniform(g, 0.35, 0.8, b), g.uniform(1.03, 1.2, b))),
         tensor(g.random(b)),
         torch.from_numpy(g.random(b) < recipe.bounce),
         tensor(recipe.ambient * g.random(b) ** 2),
     )
+
+
+def lights_of_scenes(recipe: Rendering, g: np.random.Generator, b: int, n: int) -> np.ndarray:
+    """True directions (b, n, 3): drawn ones, or those around the recipe's by as much as measurements err."""
+    if not recipe.directions:
+        return draw_lights(g, b, n, recipe.narrow, recipe.rig)
+    return turned(np.tile(recipe.directions, (b, 1, 1)), g, recipe.light_error_deg * g.random(b))
 
 
 def frame(scenes: Scenes, size: int) -> tuple[View, Float[Tensor, "b p"]]:

@@ -180,5 +180,8 @@ def measured(
     I = stored(photograph(I * gain, noise, levels, generator, drawn(coarse.black)), coarse, g) / gain
     share = np.where(g.random(b) < recipe.corrupted, g.uniform(0.05, 0.3, b), 0.0)
     I = corrupt(I, np.repeat(share, c), g)
-    known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
+    if recipe.directions:
+        known = np.tile(recipe.directions, (b, 1, 1))
+    else:
+        known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
     return I, drawn(known).repeat_interleave(c, 0)

@@ -117,6 +117,8 @@ def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, sam
 
 def lights_of(recipe: Rendering, seed: int, k: int) -> int:
     """Number of lights of a block."""
+    if recipe.directions:
+        return len(recipe.directions)
     low, high = recipe.lights
     u = rng(seed, PURPOSES["block"], k).random()
     return min(high, int(np.floor(low * ((high + 1) / low) ** u)))

@@ -37,6 +37,7 @@ def export(out: Path, name: str, net: Model, trained: dict[str, Any]) -> Path:
 
 def card(name: str, net: Model, trained: dict[str, Any], digest: str) -> str:
     """The text of the card of a weights file."""
+    rig = trained["recipe"].get("rig")
     rows = [
         ("network", f"{trained['network']}, {parameters(net):,} parameters: `{net.config}`"),
         ("learned from", learned_from(trained)),
@@ -56,11 +57,12 @@ def card(name: str, net: Model, trained: dict[str, Any], digest: str) -> str:
         ("sha256", digest),
     ]
     lines = [f"# {name}", "", "| | |", "|---|---|", *[f"| {k} | {v} |" for k, v in rows], ""]
+    recipe = trained["recipe"] | ({"rig": f"{len(rig)} lights, which the weights name"} if rig else {})
     for kind, title in TITLES.items():
         if errors := trained["errors"].get(kind):
             lines += [f"## {title}", "", "| " + " | ".join(errors) + " |", "|" + "---|" * len(errors)]
             lines += ["| " + " | ".join(f"{v:.2f}" for v in errors.values()) + " |", ""]
-    lines += ["## Recipe", "", "```json", json.dumps(trained["recipe"], indent=2), "```", ""]
+    lines += ["## Recipe", "", "```json", json.dumps(recipe, indent=2), "```", ""]
     return "\n".join(lines)
 
 

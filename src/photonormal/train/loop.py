@@ -19,6 +19,7 @@ from typing import Any
 import torch
 
 import photonormal
+from photonormal.capture.lights import read_lights
 from photonormal.disk import at_once, refuse_taken
 from photonormal.methods.engine.prior import prior_named
 from photonormal.methods.learned.network import M, Model, placed
@@ -34,7 +35,7 @@ from photonormal.train.journal import Journal, refuse_foreign
 from photonormal.train.objective import error
 from photonormal.train.observe import observe
 from photonormal.train.optimiser import Optimiser
-from photonormal.train.recipes import Recipe
+from photonormal.train.recipes import Recipe, for_rig
 from photonormal.train.replay import replayed
 from photonormal.train.validate import examined, on_real, on_rendered
 from photonormal.types import InputError
@@ -59,6 +60,7 @@ def train(
     precision: Precision = "auto",
     data: Sequence[str | Path] = (),
     clock: Callable[[], float] | None = None,
+    lights: str | Path | None = None,
 ) -> Path:
     """Train the network of a recipe; returns the weights file, `out`/NAME.safetensors, its card beside it.
 
@@ -78,6 +80,7 @@ def train(
     precision : "float32" or "bf16" inside the network; "auto": the checkpoint's, or as the machine has instructions for
     data : folders of sets to learn from, in place of rendered scenes (`photonormal.train.sets`); each window is then
         used once, whatever the recipe's `reuse`
+    lights : file with the lights of the rig that a network is learned for, of a recipe that asks for one
     clock : seconds that `minutes` are measured by, in place of `time.monotonic`: `time.process_time` for processor time
 
     Raises
@@ -90,6 +93,7 @@ def train(
     name = name or (recipe if isinstance(recipe, str) else recipe.network)
     recipe = recipes.recipe(recipe) if isinstance(recipe, str) else recipe
     recipe = recipe if seed is None else replace(recipe, seed=seed)
+    recipe = for_rig(recipe, read_lights(Path(lights)).vectors if lights else None)
     out, steps = Path(out), recipe.steps if steps is None else steps
     check_value(steps, Count, "steps")
     check_value(minutes, Positive | None, "minutes")
@@ -114,7 +118,7 @@ def train(
     stream = stream or rendered()
 
     torch.manual_seed(recipe.seed)
-    net: Model = placed(build(recipe.network, recipe.config), "cpu")
+    net: Model = placed(build(recipe.network, recipe.built), "cpu")
     if begun is not None:
         begin(net, begun)
     for key, p in net.named_parameters():
@@ -135,14 +139,13 @@ def train(
     mean = {k: v.to(fabric.device) for k, v in mean.items()}
     step, before = (state["step"], state["seconds"]) if state else (0, 0.0)
     # every process renders its own scenes; each has its own seed
-    lights = {"lights": (recipe.images[1], recipe.images[1])} | recipe.rendering
     source = partial(
         disk.stream if disk else stream,
         recipe.stream,
         recipe.batch // world,
         fabric.device,
         recipe.seed * 1000 + rank,
-        **lights,
+        **recipe.rendered,
     )
     batches = replayed(source, step * recipe.accumulate, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
@@ -224,7 +227,7 @@ def train(
             "errors": validated(),
         }
         told |= {
-            "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name, data),
+            "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name, data, lights),
             "began_with": checksum(Path(start_from)) if start_from else "random weights",
             "device": f"{world} x {device_name(fabric.device)}",
             "precision": precision,
@@ -327,10 +330,11 @@ def command(
     begun: str | Path | None,
     name: str,
     data: Sequence[str | Path] = (),
+    lights: str | Path | None = None,
 ) -> str:
     """The command line that trains this again; RECIPE stands for one without a name, whose fields the card lists."""
     run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
     words = [run, "train", recipe, "--out", str(out), f"--minutes {minutes:g}" if minutes else f"--steps {steps}"]
-    words += [f"--data {folder}" for folder in data]
+    words += [f"--data {folder}" for folder in data] + [f"--lights {lights}"] * (lights is not None)
     words += [f"--seed {seed}"] * bool(seed) + [f"--start-from {begun}"] * bool(begun)
     return " ".join(words + [f"--name {name}"] * (name != recipe))

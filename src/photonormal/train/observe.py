@@ -6,6 +6,7 @@ Every draw depends on the seed, the step and the process alone, so a resumed tra
 from __future__ import annotations
 
 from functools import cache
+from math import pi
 from typing import Any, NamedTuple
 
 import torch
@@ -14,6 +15,7 @@ from torch.nn import functional as F
 
 from photonormal.methods.engine.prior import prior_named
 from photonormal.methods.inputs.grey import grey
+from photonormal.methods.inputs.maps import about_view
 from photonormal.methods.inputs.scaling import moment, scaled
 from photonormal.methods.learned.lightsnet import LightsNet
 from photonormal.methods.learned.weights import load, shipped
@@ -27,7 +29,7 @@ class Observed(NamedTuple):
     """One batch as a network sees it, with the truth."""
 
     images: Tensor  # (b, k, c, h, w) scaled
-    lights: Tensor  # (b, k, 3) as believed
+    lights: Tensor  # (b, k, 3) as believed, or (b, k, 3, h, w) where pixels are turned one by one
     prior: Tensor  # (b, 3, h, w), zero outside the mask
     normals: Tensor  # (b, 3, h, w)
     mask: Tensor  # (b, 1, h, w)
@@ -49,8 +51,12 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
         low, high = (torch.tensor(float(min(k, n))).log() for k in recipe.images)
         k = int((low + (high - low) * torch.rand((), generator=common)).exp().round())
         kept = torch.randperm(n, generator=draw)[:k].to(images.device)
+        if recipe.pixels:
+            images, normals, mask = some_pixels(recipe.pixels, images, normals, mask, draw)
         images, lights = images[:, kept], lights[:, kept]
-        if recipe.turns:
+        if recipe.turns and recipe.pixels:
+            lights, normals = turn_each(lights, normals, draw)
+        elif recipe.turns:
             images, lights, normals, mask = turn(
                 images, lights, normals, mask, int(torch.randint(8, (), generator=draw))
             )
@@ -61,12 +67,41 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
     if recipe.lights:
         images, lights = under_told(telling(recipe.lights, images.device), images, mask)
     prior = prior_normals(name, images, lights, normals, mask, draw)
+    if vary and recipe.dark:
+        images = images * (torch.rand(images.shape, generator=draw) >= recipe.dark).to(images)
     moments = moment(scaling, images, mask)
     x = scaled(scaling, images, mask, moments, images.shape[1])
     if vary and scaling == "exposure":
         low, high = (torch.tensor(float(g)).log() for g in recipe.gain)
         x = x * (low + (high - low) * torch.rand(len(x), 1, 1, 1, 1, generator=draw)).exp().to(x)
     return Observed(x, lights, prior, normals * mask, mask, e)
+
+
+def some_pixels(
+    count: int, images: Tensor, normals: Tensor, mask: Tensor, draw: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Pixels on the mask of each sample, by chance, as pictures of one row."""
+    drawn = torch.multinomial(mask.flatten(1).float().cpu(), count, replacement=True, generator=draw).to(mask.device)
+
+    def taken(x: Tensor) -> Tensor:
+        at = drawn.view(len(drawn), *[1] * (x.ndim - 3), count)
+        return x.flatten(-2).take_along_dim(at, -1)[..., None, :]  # (b, ..., 1, q)
+
+    return taken(images), taken(normals), taken(mask)
+
+
+def turn_each(lights: Tensor, normals: Tensor, draw: torch.Generator) -> tuple[Tensor, Tensor]:
+    """The lights (b, k, 3, 1, q) and the normal of each pixel after a turn about the view of its own, or mirrored, too.
+
+    An isotropic surface shows the same samples then.
+    """
+    b, _, _, q = normals.shape
+    angle = (2 * pi * torch.rand(b, 1, q, generator=draw)).to(normals)
+    side = (torch.randint(2, (b, 1, q), generator=draw) * 2.0 - 1).to(normals)  # of x
+    flip = torch.stack([side, torch.ones_like(side), torch.ones_like(side)], dim=-1)  # (b, 1, q, 3)
+    L = about_view(lights[:, :, None] * flip, angle)  # (b, k, q, 3)
+    N = about_view(normals.permute(0, 2, 3, 1) * flip, angle)  # (b, 1, q, 3)
+    return L.transpose(2, 3)[..., None, :], N.permute(0, 3, 1, 2)
 
 
 def drawn_prior(recipe: Recipe, draw: torch.Generator, vary: bool) -> str:

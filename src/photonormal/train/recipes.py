@@ -6,8 +6,11 @@ from dataclasses import asdict, dataclass, field, replace
 from math import cos, pi
 from typing import Any
 
+import numpy as np
+
 from photonormal.types import InputError
 
+ONE_RIG = ("dpsn",)  # networks that are learned for the lights of one rig
 FALL = 0.25  # share of a flat training in which its rate falls
 
 
@@ -43,7 +46,10 @@ class Recipe:
     intensities : factors between which the intensity of each light is drawn, for a network that learns lights
     lights : name of the package's weights of a network that tells lights: under those it learns, directions and
         intensities; "": under the true ones
-    turns : quarter turns and mirror images of every batch
+    turns : quarter turns and mirror images of every batch; where `pixels` are drawn, any turn, each pixel its own
+    pixels : drawn of each sample by chance, for a network that sees each by itself; 0: all, as pictures
+    dark : share of the samples that are made black by chance, as by shadows that nobody rendered
+    rig : unit directions of the lights that a network is learned for; (): any
     seed : of the weights, the stream and all of the above
     validate, exams : steps between validations, and the rendered ones of them (`train.validate.EXAMS`)
     """
@@ -74,6 +80,9 @@ class Recipe:
     intensities: tuple[float, float] = (1.0, 1.0)
     lights: str = ""
     turns: bool = False
+    pixels: int = 0
+    dark: float = 0.0
+    rig: tuple[tuple[float, float, float], ...] = ()
     seed: int = 0
     validate: int = 2000
     exams: tuple[str, ...] = ("clean", "hemisphere")
@@ -85,6 +94,17 @@ class Recipe:
             raise InputError(f"no schedule {self.schedule!r}; choose halving, cosine or flat.")
         if self.loss not in ("cosine", "chord"):
             raise InputError(f"no loss {self.loss!r}; choose cosine or chord.")
+
+    @property
+    def built(self) -> dict[str, Any]:
+        """What builds the network: its config, with the lights of the rig that it learns for."""
+        return self.config | ({"lights": self.rig} if self.rig else {})
+
+    @property
+    def rendered(self) -> dict[str, Any]:
+        """What is changed in the renderer's recipe: as many lights as the network is shown, or those of the rig."""
+        n = self.images[1]
+        return {"lights": (n, n)} | self.rendering | ({"directions": self.rig} if self.rig else {})
 
     def share(self, step: int, fraction: float) -> float:
         """Share of the peak rate at a step, when `fraction` of the training, [0, 1), is done."""
@@ -204,6 +224,23 @@ UNDER_TOLD: dict[str, Any] = {
     "rendering": LIGHTS.rendering,
     "intensities": LIGHTS.intensities,
 }
+# networks that see each pixel by itself: a few pixels of many small windows; for twelve minutes of one core
+PIXELS = replace(
+    OURS,
+    rendering={"crop": 8, "crops": 16},
+    reuse=6,
+    images=(8, 96),
+    batch=64,
+    steps=100_000,
+    schedule="cosine",
+    warmup=50,
+    muon=0.01,
+    ema=0.998,
+    priors=(),
+    loss="chord",
+    pixels=4,
+    validate=1_000_000,
+)  # validated at the end: all pixels of four objects take a minute
 
 RECIPES = {
     "paper": PAPER,
@@ -232,6 +269,9 @@ RECIPES = {
     # the baselines in the same conditions
     "psfcn": PSFCN,
     "psfcn-normalised": replace(PSFCN, config={"normalised": True}),
+    "cnn-ps": replace(PIXELS, network="cnn-ps"),
+    # learned for one rig, whose lights are given
+    "dpsn": replace(PIXELS, network="dpsn", config={"width": 1024}, batch=128, pixels=32, turns=False, dark=0.05),
     # normalnet; the recipes called cpu are for hours on a processor
     "cpu": CPU,
     "psfcn-cpu": replace(CPU, network="psfcn", config={"width": 32}, priors=()),
@@ -266,6 +306,19 @@ RECIPES = {
         validate=2000,
     ),  # on top of trained weights (--start-from): only how far each normal is expected to be off
 }
+
+
+def for_rig(recipe: Recipe, lights: np.ndarray | None) -> Recipe:
+    """A recipe under a rig's lights (n, 3); InputError where its network needs none, or lacks them."""
+    if (lights is None) == (recipe.network in ONE_RIG and not recipe.rig):
+        if lights is None:
+            raise InputError(f"{recipe.network} learns for one rig; name its lights with --lights.")
+        raise InputError(f"--lights came but {recipe.network} learns for any lights; leave it out.")
+    if lights is None:
+        return recipe
+    L = lights / np.linalg.norm(lights, axis=1, keepdims=True)
+    rig = tuple((x, y, z) for x, y, z in L.round(6).tolist())
+    return replace(recipe, rig=rig, images=(len(rig), len(rig)))
 
 
 def recipe(name: str) -> Recipe:

@@ -41,7 +41,7 @@ OBJECTS = ("ball", "bear", "cat", "reading")
 def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Recipe) -> dict[str, list]:
     """The batches of every exam: fixed scenes, windows as training has, as many images as it has at most."""
     n = recipe.images[1]
-    window = {k: v for k, v in recipe.rendering.items() if k in ("size", "crop", "crops", "zoom")}
+    window = {k: v for k, v in recipe.rendered.items() if k in ("size", "crop", "crops", "zoom", "directions")}
     exam = partial(stream, "validation", recipe.batch, device, SEED, 0, lights=(n, n), **window)
     return {kind: list(islice(exam(**EXAMS[kind]), BATCHES)) for kind in recipe.exams}
 

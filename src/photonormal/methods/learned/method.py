@@ -14,20 +14,21 @@ from photonormal.options import Rotations
 
 
 @dataclass(frozen=True)
-class Learned(ABC):
-    """A network that measures.
+class Weighted(ABC):
+    """A network that measures; in quarter turns of the photographs nothing is to gain.
 
     Parameters
     ----------
     weights : a weights file of your own; "": the one that comes with the package
-    rotations : 1, or 4 to average over quarter turns (four times the work)
     """
 
     weights: str = ""
-    rotations: Rotations = 1
     name: ClassVar[str]  # in METHODS, and of the weights that come with the package
     needs: ClassVar[Needs] = Needs(reads="stream")
-    fast = False  # unless a method has it as an option
+    rotations = 1  # these unless a method has them as options
+    passes = 1
+    prior = ""
+    fast = False
 
     @abstractmethod
     def network(self) -> Network:
@@ -46,3 +47,15 @@ class Learned(ABC):
     def weights_sha256(self) -> str:
         """Checksum of the weights, for reports."""
         return checksum(self.file)
+
+
+@dataclass(frozen=True)
+class Learned(Weighted):
+    """A network that measures, and that looks around each pixel.
+
+    Parameters
+    ----------
+    rotations : 1, or 4 to average over quarter turns (four times the work)
+    """
+
+    rotations: Rotations = 1

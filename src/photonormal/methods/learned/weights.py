@@ -18,13 +18,15 @@ from safetensors.torch import save
 
 from photonormal.lookup import lookup
 from photonormal.methods.learned.network import Model, placed
-from photonormal.stored import Size, Word, converted, decoded
+from photonormal.stored import Size, Vectors, Word, converted, decoded
 from photonormal.types import InputError
 
 NETWORKS = {  # name -> "module:Class", imported only when asked for
     "lambertian-prior": "photonormal.methods.learned.lambertian_prior:LambertianPriorNet",
     "psfcn": "photonormal.methods.learned.psfcn:PSFCNNet",
     "normalnet": "photonormal.methods.learned.normalnet:NormalNet",
+    "cnn-ps": "photonormal.methods.learned.cnnps:CNNPSNet",
+    "dpsn": "photonormal.methods.learned.dpsn:DPSNNet",
     "lightsnet": "photonormal.methods.learned.lightsnet:LightsNet",
 }
 
@@ -92,7 +94,9 @@ def load(path: Path, network: str | None = None, device: torch.device | str = "c
         raise InputError(f"weights {path} are damaged: their checksum is not the one recorded; get the file again.")
     if network is not None and metadata["network"] != network:
         raise InputError(f"weights {path} are for {metadata['network']} but {network} is needed; give its own weights.")
-    config = decoded(metadata["config"], dict[str, bool | Size | Word], f"weights {path}", "get the file again")
+    config = decoded(
+        metadata["config"], dict[str, bool | Size | Word | Vectors], f"weights {path}", "get the file again"
+    )
     try:
         with torch.device("meta"):  # nothing is allocated for what a file only claims
             net = build(metadata["network"], config)

@@ -1,0 +1,55 @@
+"""Observation maps: the samples of one pixel as a small picture, each where its light comes from.
+
+S. Ikehata, "CNN-PS: CNN-based photometric stereo for general non-convex surfaces", ECCV 2018. Of samples in one cell
+the brightest stays, so that neither order nor portions of the images matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import radians
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+Projection = Callable[[Tensor], Tensor]  # unit lights (*b, 3) -> where they are seen, (*b, 2) from -1 to 1
+
+
+def seen_from_above(L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
+    """The hemisphere as the camera would see it (Ikehata 2018)."""
+    return L[..., :2]
+
+
+def by_angles(L: Float[Tensor, "*b 3"], reach_deg: float) -> Float[Tensor, "*b 2"]:
+    """Angles against the view, across and up, over `reach_deg`; beyond that, the border (Li et al., CVPR 2019)."""
+    angles = torch.atan2(L[..., :2], L[..., 2:].clamp(min=1e-6))
+    return (angles / radians(reach_deg)).clamp(-1, 1)
+
+
+def cells(L: Float[Tensor, "*b 3"], side: int, projection: Projection) -> Int[Tensor, "*b"]:
+    """Numbers of the lights' cells in a map of `side` x `side`, counted row by row."""
+    place = ((projection(L) + 1) / 2 * (side - 1)).round().long()  # (*b, 2)
+    return place[..., 1] * side + place[..., 0]
+
+
+def observation_maps(
+    I: Float[Tensor, "p n"], L: Float[Tensor, "*l n 3"], side: int, projection: Projection
+) -> Float[Tensor, "p s s"]:
+    """The maps of `p` pixels under lights that all share, (n, 3), or their own, (p, n, 3); zero where no light is."""
+    where = cells(L, side, projection).expand(I.shape)
+    maps = I.new_zeros(len(I), side * side).scatter_reduce_(1, where, I, "amax")
+    return maps.unflatten(1, (side, side))
+
+
+def brightest_one(maps: Float[Tensor, "p s s"]) -> Float[Tensor, "p s s"]:
+    """Maps over their brightest cell; black ones stay black."""
+    return maps / maps.amax((1, 2), keepdim=True).clamp(min=1e-9)
+
+
+def about_view(v: Float[Tensor, "*b 3"], angle: Tensor | float) -> Float[Tensor, "*b 3"]:
+    """Vectors turned about the view axis, counter-clockwise, by an angle in radians (*b)."""
+    angle = torch.as_tensor(angle, dtype=v.dtype, device=v.device)
+    x, y, z = v.unbind(-1)
+    c, s = angle.cos(), angle.sin()
+    return torch.stack([c * x - s * y, s * x + c * y, z], dim=-1)

@@ -1,0 +1,71 @@
+"""CNN-PS: S. Ikehata, "CNN-PS: CNN-based photometric stereo for general non-convex surfaces", ECCV 2018."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.methods.inputs.maps import seen_from_above
+from photonormal.methods.learned.maps import TURNS, DenseNet, MapNetwork
+from photonormal.methods.learned.method import Weighted
+from photonormal.methods.learned.weights import load
+from photonormal.options import Turns
+
+
+@dataclass(frozen=True)
+class CNNPSConfig:
+    """The network's switches; the defaults have 2.65 million parameters.
+
+    Parameters
+    ----------
+    side : of an observation map, in cells
+    grown : channels that each convolution adds
+    hidden : width of the layer before the normal
+    prior : always "": no classical method enters
+    """
+
+    side: int = 32
+    grown: int = 16
+    hidden: int = 128
+    prior: str = ""
+
+
+class CNNPSNet(MapNetwork):
+    """Observation maps of grey levels, the hemisphere of lights seen from above, to unit normals."""
+
+    Config: ClassVar[type] = CNNPSConfig
+    projection = staticmethod(seen_from_above)
+
+    def __init__(self, config: CNNPSConfig = CNNPSConfig()) -> None:
+        super().__init__()
+        self.config = c = config
+        self.side = c.side
+        self.net = DenseNet(c.side, grown=c.grown, hidden=c.hidden)
+
+    def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
+        return self.net(maps[:, None])
+
+
+@dataclass(frozen=True)
+class CNNPS(Weighted):
+    """CNN-PS (Ikehata, ECCV 2018): each pixel by itself, from its observation map.
+
+    The network knows no direction around the view as another; the mean over turns of the lights evens out what it has
+    learned of each.
+
+    Parameters
+    ----------
+    turns : how many turns of the lights about the view the normals are a mean of (10 in the paper); the work grows
+        with them
+    """
+
+    name = "cnn-ps"
+    turns: Turns = TURNS
+
+    def network(self) -> CNNPSNet:
+        net = load(self.file, "cnn-ps")
+        net.turns = self.turns
+        return net

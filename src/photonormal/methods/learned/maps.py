@@ -1,0 +1,99 @@
+"""What networks share that read observation maps: the dense network of CNN-PS, and the way from images to normals."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from math import pi
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from photonormal.methods.inputs.maps import Projection, about_view, brightest_one, observation_maps
+from photonormal.methods.learned.network import Network, at_pixels
+from photonormal.methods.learned.pooling import Pooled
+
+TURNS = 2  # unless a method is asked for others
+MAPS = 256  # that a network looks at together: what it makes of them suits a processor's cache
+
+
+class MapNetwork(Network, ABC):
+    """Normals of each pixel by itself, from its observation map.
+
+    Attributes
+    ----------
+    side : of a map, in cells
+    projection : where a light is in it
+    turns : how many turns of the lights, evenly around the view, measured normals are a mean of; one in training
+    """
+
+    scaling = "grey"
+    stride = 1
+    reach = 0
+    pointwise = True
+    side: int
+    projection: Projection
+    turns: int = TURNS
+
+    @abstractmethod
+    def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
+        """Normals of any length, from maps whose brightest cell is 1."""
+
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> None:
+        return None
+
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
+        b, k, _, h, w = images.shape
+        I = images[:, :, 0].permute(0, 2, 3, 1).reshape(-1, k)  # (p, k)
+        L = at_pixels(lights).permute(0, 3, 4, 1, 2)  # (b, h or 1, w or 1, k, 3)
+        L = L.flatten(0, 3) if L.shape[:3].numel() == 1 else L.expand(b, h, w, k, 3).reshape(-1, k, 3)
+        maps = [observation_maps(I, about_view(L, angle), self.side, self.projection) for angle in self.angles()]
+        return Pooled(torch.stack(maps, dim=1).unflatten(0, (b, h, w)))  # (b, h, w, turns, s, s)
+
+    def digest(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b h w 3"]:
+        maps = brightest_one(pooled.maximum.flatten(0, 3))
+        N = torch.cat([self.told(some).float() for some in maps.split(MAPS)])
+        N = F.normalize(N, dim=1).unflatten(0, pooled.maximum.shape[:4])  # (b, h, w, turns, 3)
+        return about_view(N, -torch.tensor(self.angles(), device=N.device)).mean(3)
+
+    def angles(self) -> list[float]:
+        """Of the turns, in radians."""
+        turns = 1 if self.training else self.turns
+        return [2 * pi * turn / turns for turn in range(turns)]
+
+    def look(self, digested: Float[Tensor, "b h w 3"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        return F.normalize(digested.permute(0, 3, 1, 2), dim=1)
+
+
+class DenseNet(nn.Module):
+    """The network of CNN-PS: maps of a few channels to normals; each convolution reads what all before it gave.
+
+    Glorot's initial weights, as the paper's library has them; no dropout, as no map of a stream comes twice.
+    """
+
+    def __init__(self, side: int, channels: int = 1, grown: int = 16, hidden: int = 128) -> None:
+        super().__init__()
+        g = grown
+        self.first = nn.Conv2d(channels, g, 3, padding=1)
+        self.fine = nn.ModuleList([nn.Conv2d(g, g, 3, padding=1), nn.Conv2d(2 * g, g, 3, padding=1)])
+        self.mixed = nn.Conv2d(3 * g, 3 * g, 1)
+        self.coarse = nn.ModuleList([nn.Conv2d(3 * g, g, 3, padding=1), nn.Conv2d(4 * g, g, 3, padding=1)])
+        self.last = nn.Conv2d(5 * g, 5 * g, 1)
+        self.dense = nn.Linear(5 * g * (side // 2) ** 2, hidden)
+        self.normal = nn.Linear(hidden, 3)
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d | nn.Linear) and not module.weight.is_meta:
+                nn.init.xavier_uniform_(module.weight)
+                nn.init.zeros_(module.bias)
+
+    def forward(self, x: Float[Tensor, "q c s s"]) -> Float[Tensor, "q 3"]:
+        x = self.first(x.contiguous(memory_format=torch.channels_last))
+        for conv in self.fine:
+            x = torch.cat([x, conv(F.relu(x))], dim=1)
+        x = F.avg_pool2d(self.mixed(F.relu(x)), 2)
+        for conv in self.coarse:
+            x = torch.cat([x, conv(F.relu(x))], dim=1)
+        x = F.relu(self.last(F.relu(x)))
+        return self.normal(F.relu(self.dense(x.permute(0, 2, 3, 1).flatten(1))))

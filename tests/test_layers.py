@@ -56,6 +56,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "train": BASE | {"capture", "methods", "scoring", "synth", "progress"},
     "doctor": BASE | {"calibration"},
     "rig": BASE | {"capture", "calibration", "doctor", "export", "methods", "progress"},
+    "lamp_choice": BASE | {"capture", "export", "methods", "synth", "progress"},
     "object_lights": BASE | {"capture", "export", "methods", "progress"},
     "measurement": BASE
     | {"capture", "methods", "materials", "integration", "scoring", "progress", "doctor", "resources"},

@@ -7,8 +7,10 @@ import pytest
 import torch
 
 from photonormal.methods.engine import on_mask, run
+from photonormal.methods.learned.cnnps import CNNPS, CNNPSConfig, CNNPSNet
 from photonormal.methods.learned.lambertian_prior import LambertianPrior, LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.lightsnet import LightsConfig, LightsNet
+from photonormal.methods.learned.lmps import LMPS, LMPSConfig, LMPSNet
 from photonormal.methods.learned.normalnet import NormalNetMethod
 from photonormal.methods.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
 from photonormal.methods.learned.sdps import SDPS
@@ -23,6 +25,8 @@ SMALL = {
     LambertianPrior: ("lambertian-prior", lambda: LambertianPriorNet(LambertianPriorConfig(width=8))),
     NormalNetMethod: ("normalnet", small),
     PSFCN: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8))),
+    CNNPS: ("cnn-ps", lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8))),
+    LMPS: ("lmps", lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8))),
     PSFCNNormalised: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8, normalised=True))),
 }
 

@@ -5,8 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
+from photonormal.methods.inputs.maps import about_view
 from photonormal.methods.inputs.scaling import moment, scaled
+from photonormal.methods.learned.cnnps import CNNPSConfig, CNNPSNet
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
+from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.network import parameters
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.methods.learned.psfcn import PSFCNConfig, PSFCNNet
@@ -34,6 +37,8 @@ NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
     lambda: awake(small(coarse=1, far=1, level=True, compass=True)),
     lambda: PSFCNNet(PSFCNConfig(width=4)),
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
+    lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)),
+    lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8)),
 ]
 
 
@@ -77,6 +82,21 @@ def test_parameters_of_its_parts():
 
 def test_parameters_of_psfcn():
     assert parameters(PSFCNNet()) == 2_210_048
+
+
+def test_parameters_of_cnnps():
+    assert parameters(CNNPSNet()) == 2_654_051
+
+
+def test_normals_of_maps_turn_with_the_lights():
+    """A mean over four turns can't tell a quarter turn of the lights."""
+    torch.manual_seed(0)
+    net = CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)).eval()
+    net.turns = 4
+    images, lights, none = observations()
+    with torch.no_grad():
+        N, turned = net(images, lights, none), net(images, about_view(lights, torch.pi / 2), none)
+    torch.testing.assert_close(about_view(N.movedim(1, -1), torch.pi / 2), turned.movedim(1, -1), atol=1e-5, rtol=0)
 
 
 def test_blocks_are_numbered_as_in_the_paper():

@@ -50,6 +50,16 @@ def test_a_stream_goes_on_where_another_stopped_and_never_repeats():
     assert len(torch.unique(samples, dim=0)) == 20
 
 
+def test_the_lights_of_a_rig_are_believed_where_they_were_measured():
+    """And each scene is lit from a little elsewhere."""
+    rig = ((0.6, 0.0, 0.8), (0.0, 0.6, 0.8), (0.0, 0.0, 1.0), (-0.6, 0.0, 0.8))
+    exact, off = (batches(1, directions=rig, light_error_deg=e)[0] for e in (0.0, 3.0))
+    for batch in (exact, off):
+        assert batch.images.shape == (4, 4, 3, 16, 16)
+        torch.testing.assert_close(batch.lights, torch.tensor(rig).expand(4, 4, 3))
+    assert not torch.equal(exact.images, off.images)
+
+
 def test_seeds_decide():
     assert same(batches(1, seed=3)[0], batches(1, seed=3)[0])
     assert not same(batches(1, seed=3)[0], batches(1, seed=4)[0])

@@ -20,6 +20,7 @@ from photonormal.train import checkpoint, loop, objective, validate
 from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
 from photonormal.types import InputError
+from tests.scenes import ring
 from tests.train.toy import Toy
 
 TINY = Recipe(
@@ -64,6 +65,35 @@ def test_a_network_of_lights_learns_in_the_same_loop(tmp_path):
     first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")
     assert last["loss"] < 0.9 * first["loss"] and "loss_angle_deg" not in last
     assert "| mean_deg | median_deg | intensity |" in (tmp_path / "lightsnet.md").read_text()
+
+
+@pytest.mark.parametrize("network", ["cnn-ps", "lmps"])
+def test_a_network_of_pixels_learns_from_some_of_them(network, tmp_path):
+    config = {"side": 8, "grown": 4, "hidden": 32}
+    recipe = replace(TINY, network=network, config=config, priors=(), pixels=50, lr=3e-3, steps=60, validate=100)
+    run(tmp_path, recipe)
+    first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")
+    assert last["loss"] < 0.9 * first["loss"]
+    assert load(tmp_path / f"{network}.safetensors", network).pointwise
+
+
+def test_a_network_for_a_rig_learns_its_lights_by_name(tmp_path):
+    L = ring(5)
+    (tmp_path / "rig.lp").write_text("6\n" + "".join(f"{j}.png {x} {y} {z}\n" for j, (x, y, z) in enumerate(L)))
+    recipe = replace(
+        TINY, network="dpsn", config={"width": 32}, priors=(), pixels=50, turns=False, lr=3e-3, steps=60, validate=100
+    )
+    path = run(tmp_path / "out", recipe, lights=tmp_path / "rig.lp", name="mine")
+    net = load(path, "dpsn")
+    np.testing.assert_allclose(net.config.lights, L, atol=1e-5)
+    first, last = (entry for entry in journal(tmp_path / "out") if entry["kind"] == "train")
+    assert last["loss"] < 0.9 * first["loss"]
+    assert {e["kind"] for e in journal(tmp_path / "out")} == {"train", "clean"}  # no exam under other lights
+    card = path.with_suffix(".md").read_text()
+    assert f"--lights {tmp_path / 'rig.lp'}" in card and '"rig": "6 lights, which the weights name"' in card
+    with pytest.raises(InputError, match="name its lights with --lights"):
+        run(tmp_path / "none", recipe)
+    assert not (tmp_path / "none").exists()
 
 
 def test_a_network_becomes_better_than_its_prior(tmp_path):

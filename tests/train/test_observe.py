@@ -10,9 +10,10 @@ from photonormal.methods.learned.lightsnet import SIDE, LightsConfig, LightsNet
 from photonormal.methods.uncalibrated.guess import looked
 from photonormal.synth.recipes import parts
 from photonormal.train.observe import observe, tilted, turn
-from photonormal.train.recipes import RECIPES, Recipe, recipe
+from photonormal.train.recipes import ONE_RIG, RECIPES, Recipe, for_rig, recipe
 from photonormal.train.replay import replayed
 from photonormal.types import InputError
+from tests.scenes import ring
 from tests.train.toy import Batch, Toy, scenes
 
 PLAIN = Recipe(images=(4, 8))
@@ -75,6 +76,50 @@ def test_a_turned_matt_scene_is_still_one(case):
     torch.testing.assert_close(n.norm(dim=1), m[:, 0].float())
 
 
+def shading_of(lights, normals):
+    """n.l, of lights that all pixels share or their own."""
+    each = lights if lights.ndim == 5 else lights[..., None, None].expand(*lights.shape, *normals.shape[2:])
+    return torch.einsum("bnchw,bchw->bnhw", each, normals).clamp(min=0)[:, :, None]
+
+
+def test_pixels_by_themselves_are_turned_each_by_its_own_angle():
+    _, lights, normals, mask = batch()
+    images = shading_of(lights, normals).expand(-1, -1, 3, -1, -1) * mask[:, None]
+    recipe = replace(PLAIN, pixels=20, priors=(), turns=True)
+    seen = observe(Batch(images, lights, normals, mask), recipe, "exposure", 0)
+    n = seen.images.shape[1]
+    assert seen.images.shape == (3, n, 3, 1, 20) and seen.lights.shape == (3, n, 3, 1, 20) and seen.mask.all()
+    torch.testing.assert_close(seen.normals.norm(dim=1), torch.ones(3, 1, 20))
+    ratio = seen.images[:, :, :1] / shading_of(seen.lights, seen.normals)  # an exposure for each sample
+    for one in ratio:
+        assert one[one.isfinite()].std() < 1e-3
+    assert (seen.lights[..., 0, :1] - seen.lights[..., 0, 1:]).abs().amax((1, 2)).min() > 0.01  # none as the first's
+    still = observe(Batch(images, lights, normals, mask), replace(recipe, turns=False), "exposure", 0)
+    assert still.lights.shape == (3, n, 3)
+    whole = observe(Batch(images, lights, normals, mask), recipe, "exposure", 0, vary=False)
+    assert whole.images.shape == (3, 8, 3, 16, 16)  # an exam shows all
+
+
+def test_a_share_of_the_samples_is_made_black():
+    bright = batch()._replace(images=torch.ones(3, 8, 3, 16, 16))
+    for some, share in ((replace(PLAIN, dark=0.25, images=(8, 8)), 0.25), (PLAIN, 0.0)):
+        seen = observe(bright, some, "channels", 0)
+        black = (seen.images == 0)[seen.mask[:, None].expand_as(seen.images)].float().mean()
+        assert abs(black - share) < 0.02
+    assert (observe(bright, replace(PLAIN, dark=0.25), "channels", 0, vary=False).images > 0).any(1)[:, :, 2:].all()
+
+
+def test_a_rig_is_for_networks_that_learn_for_one():
+    r = for_rig(recipe("dpsn"), 3 * ring(6))
+    assert r.images == (7, 7) and r.rendered["lights"] == (7, 7)
+    torch.testing.assert_close(torch.tensor(r.rig), torch.from_numpy(ring(6)).float())
+    assert r.rendered["directions"] == r.rig == r.built["lights"] and "directions" not in recipe("cnn-ps").rendered
+    with pytest.raises(InputError, match="dpsn learns for one rig; name its lights with --lights"):
+        for_rig(recipe("dpsn"), None)
+    with pytest.raises(InputError, match="--lights came but psfcn learns for any lights; leave it out"):
+        for_rig(recipe("psfcn"), ring(6))
+
+
 def test_least_squares_prior_of_a_matt_scene_is_the_truth():
     _, lights, normals, mask = batch()
     images = (torch.einsum("bnc,bchw->bnhw", lights, normals) + 1)[:, :, None] * mask[:, None]
@@ -110,12 +155,14 @@ def test_every_recipe_builds_its_network_and_has_a_falling_rate(name):
     from photonormal.methods.learned.weights import build
 
     r = recipe(name)
-    build(r.network, r.config)
-    assert parts(r.stream, **r.rendering)
+    r = for_rig(r, ring(5) if r.network in ONE_RIG else None)
+    net = build(r.network, r.built)
+    assert parts(r.stream, **r.rendered)
+    assert not r.pixels or net.pointwise
     shares = [r.share(r.warmup + i, i / 100) for i in range(101)]
     assert shares == sorted(shares, reverse=True)
     assert shares[0] == 1 and shares[-1] <= 0.04
-    assert bool(r.priors) == bool(build(r.network, r.config).config.prior)
+    assert bool(r.priors) == bool(net.config.prior)
 
 
 def test_unknown_recipes_are_named():

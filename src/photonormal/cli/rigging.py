@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 from tyro.conf import Positional
 
 from photonormal.capture import lights_from
-from photonormal.cli.kinds import Box, Folder, Millimetres, Numbers, Pixels, next_step, warn, words_of
+from photonormal.cli.kinds import Box, File, Folder, Millimetres, Numbers, Pixels, next_step, warn, words_of
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.options import Count, Frame
 from photonormal.types import InputError, printable
@@ -146,6 +146,37 @@ class Mask:
 
         print(", ".join(str(p) for p in draw_mask(self.folder, self.out, self.overwrite)))
         next_step("check", self.folder, "--mask", self.out)
+        return 0
+
+
+@dataclass(frozen=True)
+class Lights:
+    """Which lamps of a rig are worth keeping."""
+
+    what: Positional[Literal["choose"]]
+    """choose: the few lamps under which normals come out best, by a network on rendered objects; it takes minutes."""
+    from_: Annotated[Path, tyro.conf.arg(name="from", metavar="FILE")]
+    """File with the directions of all lamps of the rig."""
+    count: Count = 10
+    """How many to keep."""
+    out: File = None
+    """An .lp file of those to write."""
+    overwrite: bool = False
+    """Replace a file that exists."""
+
+    def __call__(self) -> int:
+        from photonormal.lamp_choice import choose_from
+
+        found = choose_from(self.from_, self.count, self.out, self.overwrite)
+        numbers = ",".join(str(j + 1) for j in found.lamps)
+        print(f"keep {len(found.lamps)} lamps: {numbers}")
+        print(
+            f"{found.error_deg:.1f} degrees on rendered objects under them, {found.chance_deg:.1f} under as many drawn "
+            f"by chance, {found.all_deg:.1f} under all, as lmps measures"
+        )
+        if self.out:
+            print(self.out)
+        next_step("measure", "FOLDER", "--images", numbers, "--out", "result")
         return 0
 
 

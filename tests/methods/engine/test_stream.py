@@ -12,7 +12,9 @@ from photonormal.methods.classical.woodham import Woodham
 from photonormal.methods.engine import on_mask, pixels, plan, stream
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.windows import Box
+from photonormal.methods.learned.cnnps import CNNPSConfig, CNNPSNet
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
+from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.psfcn import PSFCNConfig, PSFCNNet
 from photonormal.types import Capture, InputError
 from tests.methods.small import small, starting_at_zero
@@ -45,6 +47,8 @@ def network(kind, seed=0):
             torch.nn.init.normal_(weight, std=0.1)
         torch.nn.init.normal_(net.correction.weight, std=0.05)
         return net
+    if kind in MAPS:
+        return MAPS[kind]()
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
 
 
@@ -52,7 +56,11 @@ MORE: dict = {
     "normalnet-full": {"memory": 4, "coarse": 1, "attention": 2, "expected": True},
     "normalnet-far": {"coarse": 1, "far": 1, "level": True, "compass": True},
 }
-KINDS = ["lambertian-prior", "normalnet", *MORE, "psfcn", "psfcn-normalised"]
+MAPS = {
+    "cnn-ps": lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)),
+    "lmps": lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8)),
+}
+KINDS = ["lambertian-prior", "normalnet", *MORE, "psfcn", "psfcn-normalised", *MAPS]
 PASSES = {"normalnet-full": 2}  # of the kinds that have learned more than one
 
 

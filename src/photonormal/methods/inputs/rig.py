@@ -13,7 +13,7 @@ from photonormal.types import InputError
 OFF_DEG = 3.0  # by which a light may be measured elsewhere than it was in training
 
 
-def lamps_of(L: Float[Tensor, "*p n 3"], rig: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
+def lamps_of(L: Float[Tensor, "*p k 3"], rig: Float[Tensor, "n 3"]) -> Int[Tensor, " n"]:
     """Numbers of the rig's lamps that unit lights are, each once.
 
     Raises

@@ -37,13 +37,15 @@ class CNNPSNet(MapNetwork):
     """Observation maps of grey levels, the hemisphere of lights seen from above, to unit normals."""
 
     Config: ClassVar[type] = CNNPSConfig
-    projection = staticmethod(seen_from_above)
 
     def __init__(self, config: CNNPSConfig = CNNPSConfig()) -> None:
         super().__init__()
         self.config = c = config
         self.side = c.side
         self.net = DenseNet(c.side, grown=c.grown, hidden=c.hidden)
+
+    def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
+        return seen_from_above(L)
 
     def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
         return self.net(maps[:, None])

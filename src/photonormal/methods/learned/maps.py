@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from photonormal.methods.inputs.maps import Projection, about_view, brightest_one, observation_maps
+from photonormal.methods.inputs.maps import about_view, brightest_one, observation_maps
 from photonormal.methods.learned.network import Network, at_pixels
 from photonormal.methods.learned.pooling import Pooled
 
@@ -25,7 +25,6 @@ class MapNetwork(Network, ABC):
     Attributes
     ----------
     side : of a map, in cells
-    projection : where a light is in it
     turns : how many turns of the lights, evenly around the view, measured normals are a mean of; one in training
     """
 
@@ -34,8 +33,11 @@ class MapNetwork(Network, ABC):
     reach = 0
     pointwise = True
     side: int
-    projection: Projection
     turns: int = TURNS
+
+    @abstractmethod
+    def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
+        """Where lights are in a map, from -1 to 1 across and up."""
 
     @abstractmethod
     def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
@@ -84,7 +86,7 @@ class DenseNet(nn.Module):
         self.dense = nn.Linear(5 * g * (side // 2) ** 2, hidden)
         self.normal = nn.Linear(hidden, 3)
         for module in self.modules():
-            if isinstance(module, nn.Conv2d | nn.Linear) and not module.weight.is_meta:
+            if isinstance(module, nn.Conv2d | nn.Linear) and module.bias is not None and not module.weight.is_meta:
                 nn.init.xavier_uniform_(module.weight)
                 nn.init.zeros_(module.bias)
 

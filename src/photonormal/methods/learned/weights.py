@@ -27,6 +27,7 @@ NETWORKS = {  # name -> "module:Class", imported only when asked for
     "normalnet": "photonormal.methods.learned.normalnet:NormalNet",
     "cnn-ps": "photonormal.methods.learned.cnnps:CNNPSNet",
     "dpsn": "photonormal.methods.learned.dpsn:DPSNNet",
+    "lmps": "photonormal.methods.learned.lmps:LMPSNet",
     "lightsnet": "photonormal.methods.learned.lightsnet:LightsNet",
 }
 

@@ -1,0 +1,75 @@
+"""LMPS: J. Li, A. Robles-Kelly, S. You, Y. Matsushita, "Learning to minify photometric stereo", CVPR 2019.
+
+Few lights, and which: the network measures under any of a rig's lamps, so that it can be asked what each is worth
+(`photonormal.lamp_choice`). The paper learns that as a table over the cells of one rig's map, with the network.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from jaxtyping import Float
+from torch import Tensor
+
+from photonormal.methods.inputs.maps import by_angles
+from photonormal.methods.learned.maps import TURNS, DenseNet, MapNetwork
+from photonormal.methods.learned.method import Weighted
+from photonormal.methods.learned.weights import load
+from photonormal.options import Turns
+
+
+@dataclass(frozen=True)
+class LMPSConfig:
+    """The network's switches; the defaults are the paper's.
+
+    Parameters
+    ----------
+    side : of an observation map, in cells
+    reach_deg : angle against the view, across or up, at the map's border
+    grown : channels that each convolution adds
+    hidden : width of the layer before the normal
+    prior : always "": no classical method enters
+    """
+
+    side: int = 14
+    reach_deg: int = 45
+    grown: int = 16
+    hidden: int = 128
+    prior: str = ""
+
+
+class LMPSNet(MapNetwork):
+    """Observation maps of grey levels by angles of the lights, to unit normals."""
+
+    Config: ClassVar[type] = LMPSConfig
+
+    def __init__(self, config: LMPSConfig = LMPSConfig()) -> None:
+        super().__init__()
+        self.config = c = config
+        self.side = c.side
+        self.net = DenseNet(c.side, grown=c.grown, hidden=c.hidden)
+
+    def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
+        return by_angles(L, float(self.config.reach_deg))
+
+    def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
+        return self.net(maps[:, None])
+
+
+@dataclass(frozen=True)
+class LMPS(Weighted):
+    """LMPS (Li et al., CVPR 2019): each pixel by itself, from a small observation map; made for few lights.
+
+    Parameters
+    ----------
+    turns : how many turns of the lights about the view the normals are a mean of; the work grows with them
+    """
+
+    name = "lmps"
+    turns: Turns = TURNS
+
+    def network(self) -> LMPSNet:
+        net = load(self.file, "lmps")
+        net.turns = self.turns
+        return net

@@ -42,12 +42,13 @@ def mean_deg(solver: Method, capture: pn.Capture, device: torch.device) -> float
 
 
 def options(method: str, given: dict, captures: Captures, device: torch.device) -> None:
-    """Passes, rotations, priors; seconds of all objects together."""
+    """Passes, rotations or turns, priors; seconds of all objects together."""
     print_row("options", *captures, "mean", "seconds")
     print_row(*["---"] * (len(captures) + 3))
     known = {field.name for field in fields(method_class(method))}
     tried: list[dict] = [{"passes": p} for p in (1, 2, 3)] if "passes" in known else [{}]
-    tried += [{"rotations": 4}]
+    tried += [{"rotations": 4}] if "rotations" in known else []
+    tried += [{"turns": t} for t in (1, 4, 10)] if "turns" in known else []
     tried += [{"prior": name} for name in ("woodham", "l1", "rpca")] if "prior" in known else []
     for more in tried:
         start = time.perf_counter()
@@ -105,7 +106,11 @@ def faults(solver: Method, captures: Captures, device: torch.device) -> None:
     print_row("fault", *captures, "mean")
     print_row(*["---"] * (len(captures) + 2))
     for name, spoil in FAULTS.items():
-        errors = [mean_deg(solver, spoil(c), device) for c in captures.values()]
+        try:
+            errors = [mean_deg(solver, spoil(c), device) for c in captures.values()]
+        except pn.InputError as error:
+            print_row(name, str(error))
+            continue
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
 
 

@@ -5,9 +5,10 @@ import torch
 
 import photonormal as pn
 from photonormal.methods import DEFAULT, METHODS, method_class
-from photonormal.methods.learned.method import Learned
-from photonormal.methods.learned.weights import LIGHTS, checksum, load, shipped, stated_checksum
+from photonormal.methods.learned.method import Weighted
+from photonormal.methods.learned.weights import checksum, load, shipped, stated_checksum
 from photonormal.methods.uncalibrated.guess import guess
+from photonormal.methods.uncalibrated.unknown import WEIGHTS
 from photonormal.scoring.lights import score_lights
 from photonormal.train.validate import OBJECTS
 
@@ -15,19 +16,23 @@ SHIPPED = sorted(path.stem for path in shipped("x").parent.glob("*.safetensors")
 
 
 def test_every_learned_method_has_weights_and_all_weights_a_method():
-    learned = (name for name in METHODS if issubclass(method_class(name), Learned))
-    assert SHIPPED == sorted([LIGHTS, *learned])
+    learned = (name for name in METHODS if issubclass(method_class(name), Weighted))
+    assert SHIPPED == sorted([WEIGHTS, *learned])
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_weights_and_card_belong_together(name):
     path = shipped(name)
     net = load(path)
-    assert bool(net.config.prior) != name.startswith(("psfcn", "sdps")) and path.stat().st_size < 20e6
+    assert bool(net.config.prior) == (name in ("normalnet", "lambertian-prior")) and path.stat().st_size < 20e6
     assert stated_checksum(path) == checksum(path)
     card = path.with_suffix(".md").read_text()
     for fact in ("command", "seed", "minutes", "device", "licence", "learned from"):
         assert fact in card, f"the card of {name} does not say its {fact}"
+
+
+def test_all_weights_together_are_small():
+    assert sum(shipped(name).stat().st_size for name in SHIPPED) < 40e6
 
 
 def test_the_default_is_better_than_its_prior_and_least_squares_on_the_demonstration():
@@ -52,7 +57,7 @@ def test_the_card_s_figures_hold(name, data):
     for obj, stated in zip(OBJECTS[:1], found, strict=False):
         path = data / "diligent" / "pmsData" / f"{obj}PNG"
         capture = pn.load(path)
-        if name == LIGHTS:
+        if name == WEIGHTS:
             told = guess(load(shipped(name)), pn.load(path, lights="unknown"), torch.device("cpu"))
             off = score_lights(told.lights.numpy(), capture.known_lights()).mean_deg
             assert off == pytest.approx(float(stated), abs=0.1)

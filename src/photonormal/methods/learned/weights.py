@@ -62,9 +62,12 @@ def encoded(network: str, net: Model, trained: dict, dtype: torch.dtype = torch.
     `trained` says how they were learned (recipe, seed, steps, ...), in values that JSON knows.
     """
     tensors = {k: v.detach().to("cpu", dtype).contiguous() for k, v in net.state_dict().items()}
+    config = dataclasses.asdict(net.config)
+    vectors = {k: v for k, v in config.items() if isinstance(v, tuple)}  # apart: each entry is read by one schema
     metadata = {
         "network": network,
-        "config": json.dumps(dataclasses.asdict(net.config)),
+        "config": json.dumps({k: v for k, v in config.items() if k not in vectors}),
+        "vectors": json.dumps(vectors),
         "trained": json.dumps(trained),
         "sha256": fingerprint(tensors),
     }
@@ -95,12 +98,12 @@ def load(path: Path, network: str | None = None, device: torch.device | str = "c
         raise InputError(f"weights {path} are damaged: their checksum is not the one recorded; get the file again.")
     if network is not None and metadata["network"] != network:
         raise InputError(f"weights {path} are for {metadata['network']} but {network} is needed; give its own weights.")
-    config = decoded(
-        metadata["config"], dict[str, bool | Size | Word | Vectors], f"weights {path}", "get the file again"
-    )
+    broken = f"weights {path}", "get the file again"
+    config = decoded(metadata["config"], dict[str, bool | Size | Word], *broken)
+    vectors = decoded(metadata.get("vectors", "{}"), dict[str, Vectors], *broken)
     try:
         with torch.device("meta"):  # nothing is allocated for what a file only claims
-            net = build(metadata["network"], config)
+            net = build(metadata["network"], config | vectors)
         net.load_state_dict({k: v.float() for k, v in tensors.items()}, strict=True, assign=True)
     except InputError as error:
         raise InputError(f"weights {path} can't be used: {error}") from None

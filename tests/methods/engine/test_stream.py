@@ -48,7 +48,7 @@ def network(kind, seed=0):
         torch.nn.init.normal_(net.correction.weight, std=0.05)
         return net
     if kind in MAPS:
-        return MAPS[kind]()
+        return MAPS[kind]().eval()  # in training they look once
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
 
 

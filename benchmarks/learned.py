@@ -150,13 +150,14 @@ def main() -> None:
     parser.add_argument("--weights", default="")
     parser.add_argument("--tables", default="options,images,faults,levels")
     parser.add_argument("--draws", type=int, default=100)
+    parser.add_argument("--step", type=int, default=1, help="of rows and columns, where a network sees single pixels")
     parser.add_argument("--device", default="cpu")
     given = parser.parse_args()
     device = torch_device(given.device)
     found = {name: given.root / f"{name}PNG" for name in OBJECTS if (given.root / f"{name}PNG").is_dir()}
     if not found:
         parser.error(f"no <object>PNG folders in {given.root}")
-    captures = {name: in_memory(pn.load(folder)) for name, folder in found.items()}
+    captures = {name: in_memory(pn.load(folder), given.step) for name, folder in found.items()}
     weights = {"weights": given.weights} if given.weights else {}
     solver = configure(given.method, **weights)
     tables = {

@@ -93,7 +93,8 @@ def test_pixels_by_themselves_are_turned_each_by_its_own_angle():
     ratio = seen.images[:, :, :1] / shading_of(seen.lights, seen.normals)  # an exposure for each sample
     for one in ratio:
         assert one[one.isfinite()].std() < 1e-3
-    assert (seen.lights[..., 0, :1] - seen.lights[..., 0, 1:]).abs().amax((1, 2)).min() > 0.01  # none as the first's
+    apart = (seen.lights[..., 0, :1] - seen.lights[..., 0, 1:]).abs().amax((1, 2))
+    assert apart.median() > 0.1 and apart.min() > 0
     still = observe(Batch(images, lights, normals, mask), replace(recipe, turns=False), "exposure", 0)
     assert still.lights.shape == (3, n, 3)
     whole = observe(Batch(images, lights, normals, mask), recipe, "exposure", 0, vary=False)

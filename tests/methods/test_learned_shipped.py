@@ -6,9 +6,8 @@ import torch
 import photonormal as pn
 from photonormal.methods import DEFAULT, METHODS, method_class
 from photonormal.methods.learned.method import Weighted
-from photonormal.methods.learned.weights import checksum, load, shipped, stated_checksum
+from photonormal.methods.learned.weights import LIGHTS, checksum, load, shipped, stated_checksum
 from photonormal.methods.uncalibrated.guess import guess
-from photonormal.methods.uncalibrated.unknown import WEIGHTS
 from photonormal.scoring.lights import score_lights
 from photonormal.train.validate import OBJECTS
 
@@ -17,7 +16,7 @@ SHIPPED = sorted(path.stem for path in shipped("x").parent.glob("*.safetensors")
 
 def test_every_learned_method_has_weights_and_all_weights_a_method():
     learned = (name for name in METHODS if issubclass(method_class(name), Weighted))
-    assert SHIPPED == sorted([WEIGHTS, *learned])
+    assert SHIPPED == sorted([LIGHTS, *learned])
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -57,7 +56,7 @@ def test_the_card_s_figures_hold(name, data):
     for obj, stated in zip(OBJECTS[:1], found, strict=False):
         path = data / "diligent" / "pmsData" / f"{obj}PNG"
         capture = pn.load(path)
-        if name == WEIGHTS:
+        if name == LIGHTS:
             told = guess(load(shipped(name)), pn.load(path, lights="unknown"), torch.device("cpu"))
             off = score_lights(told.lights.numpy(), capture.known_lights()).mean_deg
             assert off == pytest.approx(float(stated), abs=0.1)

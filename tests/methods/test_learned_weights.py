@@ -9,6 +9,7 @@ from safetensors.torch import load_file, save_file
 
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.weights import NETWORKS, build, checksum, encoded, load, shipped
+from photonormal.train.recipes import ONE_RIG
 from photonormal.types import InputError
 
 
@@ -100,10 +101,11 @@ def test_unknown_networks_and_options():
 
 @pytest.mark.parametrize("name", NETWORKS)
 def test_every_network_builds(name):
-    net = build(name, {})
-    assert net.Config() == net.config
+    config = {"lights": ((0.0, 0.0, 1.0),) * 3} if name in ONE_RIG else {}
+    net = build(name, config)
+    assert net.Config(**config) == net.config
     assert net.scaling in ("exposure", "channels", "grey")
-    assert net.learns == "lights" or (net.stride > 0 and net.reach > 0)
+    assert net.learns == "lights" or (net.stride > 0 and (net.reach > 0 or net.pointwise))
 
 
 def test_shipped_weights_are_complete():

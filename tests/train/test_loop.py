@@ -81,14 +81,23 @@ def test_a_network_for_a_rig_learns_its_lights_by_name(tmp_path):
     L = ring(5)
     (tmp_path / "rig.lp").write_text("6\n" + "".join(f"{j}.png {x} {y} {z}\n" for j, (x, y, z) in enumerate(L)))
     recipe = replace(
-        TINY, network="dpsn", config={"width": 32}, priors=(), pixels=50, turns=False, lr=3e-3, steps=60, validate=100
+        TINY,
+        network="dpsn",
+        config={"width": 32},
+        priors=(),
+        pixels=50,
+        turns=False,
+        lr=3e-3,
+        steps=60,
+        validate=100,
+        exams=("clean",),
     )
     path = run(tmp_path / "out", recipe, lights=tmp_path / "rig.lp", name="mine")
     net = load(path, "dpsn")
     np.testing.assert_allclose(net.config.lights, L, atol=1e-5)
     first, last = (entry for entry in journal(tmp_path / "out") if entry["kind"] == "train")
     assert last["loss"] < 0.9 * first["loss"]
-    assert {e["kind"] for e in journal(tmp_path / "out")} == {"train", "clean"}  # no exam under other lights
+    assert {e["kind"] for e in journal(tmp_path / "out")} == {"train", "clean"}
     card = path.with_suffix(".md").read_text()
     assert f"--lights {tmp_path / 'rig.lp'}" in card and '"rig": "6 lights, which the weights name"' in card
     with pytest.raises(InputError, match="name its lights with --lights"):

@@ -273,7 +273,9 @@ RECIPES = {
     # 7 degrees a cell, over 70: domes, too; few lights as often as many
     "lmps": replace(PIXELS, network="lmps", config={"side": 20, "reach_deg": 70}, images=(4, 96), pixels=8, dark=0.05),
     # learned for one rig, whose lights are given
-    "dpsn": replace(PIXELS, network="dpsn", config={"width": 1024}, batch=128, pixels=32, turns=False, dark=0.05),
+    "dpsn": replace(
+        PIXELS, network="dpsn", config={"width": 1024}, batch=128, pixels=32, turns=False, dark=0.05, exams=("clean",)
+    ),
     # normalnet; the recipes called cpu are for hours on a processor
     "cpu": CPU,
     "psfcn-cpu": replace(CPU, network="psfcn", config={"width": 32}, priors=()),

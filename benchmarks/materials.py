@@ -6,10 +6,12 @@ Objects of recipe `objects`, 128 x 128, principled materials that vary over half
 wholly metal or not at all; cast shadows, light between parts, noise, saturation. Half have 40 lights over the
 hemisphere, half 96 lights like DiLiGenT's.
 
-A pixel shows a highlight if some light, not in shadow, shows a tenth of the lobe's peak on it, and the true highlight
-adds a tenth of what the matt part shows where that is brightest. `told`: of those pixels. `0.1`, `0.2`: how many of
-them are told and within that; in brackets, of those that are told. `unknown`: of the others, how many are not told.
-`metalness`: of the pixels where it is told, how many are right, and how many of those with a highlight are told.
+A pixel shows a highlight if some light, not in shadow, shows a tenth of the lobe's peak on it, the true highlight
+adds a tenth of what the matt part shows where that is brightest, and the roughness is below 0.8: broader lobes look
+like matt surfaces. With `--broad` those count, too. `told`: of those pixels. `0.1`, `0.2`: how many of them are told
+and within that; in brackets, of those that are told. `unknown`: of the others, how many are not told. `metalness`: of
+the pixels where it is told, how many are right, and how many of those with a highlight are told. At the end the same
+of all pixels together, and the mean of the scenes that show highlights on a hundredth of the object.
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ from photonormal.types import Capture, Materials, Normals
 SIZE = 128
 LEAST = 0.2  # of the frame that an object covers
 STEEP, FLANK, ADDS = 0.1, 0.1, 0.1  # n.l, share of the lobe's peak, share of the matt part: a highlight is seen
+BROAD = 0.8  # roughness from which it is not
+SHOWN = 0.01  # of a scene's pixels with a highlight: it counts in the mean of scenes
 
 
 @dataclass(frozen=True)
@@ -129,12 +133,15 @@ def main() -> None:
     words = argparse.ArgumentParser()
     words.add_argument("--scenes", type=int, default=20)
     words.add_argument("--seed", type=int, default=100)
+    words.add_argument("--broad", action="store_true", help="highlights of roughness 0.8 and more count")
     words.add_argument("--normals", default="both", choices=["both", "true", "estimated"])
     asked = words.parse_args()
     kinds = ["true", "estimated"] if asked.normals == "both" else [asked.normals]
     rows: dict[str, list[dict[str, np.ndarray]]] = {kind: [] for kind in kinds}
     for seed in range(asked.seed, asked.seed + asked.scenes):
         scene = rendered(seed)
+        if not asked.broad:
+            scene = replace(scene, shown=scene.shown & (scene.roughness < BROAD))
         for kind in kinds:
             normals = scene.capture.truth if kind == "true" else pn.solve(scene.capture)
             assert normals is not None
@@ -144,6 +151,10 @@ def main() -> None:
     for kind, found in rows.items():
         together = {name: np.concatenate([row[name] for row in found]) for name in found[0]}
         print(f"{kind:9}", *(f"{k} {100 * v:.1f} %" for k, v in scored(**together).items()))
+    print("\nmean of the scenes that show highlights")
+    for kind, found in rows.items():
+        each = [scored(**row) for row in found if row["shown"].mean() > SHOWN]
+        print(f"{kind:9}", *(f"{k} {100 * np.nanmean([row[k] for row in each]):.1f} %" for k in each[0]), len(each))
 
 
 if __name__ == "__main__":

@@ -120,6 +120,25 @@ def test_samples_in_shadow_and_saturated_ones_do_not_count():
     assert np.nanmedian(np.abs(middle(materials_of(clipped, capture.truth).roughness) - 0.35)) < 0.03
 
 
+def test_a_highlight_whose_middle_is_saturated_is_one():
+    capture = shiny(0.25)
+    white = 0.6  # the matt part shows at most 0.4
+    images = np.asarray(capture.images)
+    assert (images[:, capture.mask] > white).any((0, 2)).mean() > 0.3
+    clipped = replace(capture, images=images.clip(max=white), saturation=np.full((len(LIGHTS), 3), white))
+    whole, told = (middle(materials_of(seen, capture.truth).roughness) for seen in (capture, clipped))
+    assert np.isfinite(told).sum() > 0.8 * np.isfinite(whole).sum()
+    assert np.nanmedian(np.abs(told - 0.25)) < 0.03
+
+
+def test_a_black_surface_that_mirrors_another_under_some_lights_is_not_told_as_metal():
+    capture = shiny(0.5, albedo=(0.002, 0.002, 0.002), F0=(0.04, 0.04, 0.04))
+    mirrored = 0.03 * (np.random.default_rng(0).random((len(LIGHTS), 1, 1, 1)) < 0.2) * capture.mask[..., None]
+    seen = replace(capture, images=(np.asarray(capture.images) + mirrored).astype(np.float32))
+    found = materials_of(seen, capture.truth)
+    assert np.isfinite(middle(found.roughness)).mean() > 0.7 and not (found.metalness == 1).any()
+
+
 @dataclass(frozen=True)
 class WithoutLights:
     """A method that does without lights, and counts how often it is asked."""

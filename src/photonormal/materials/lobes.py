@@ -20,10 +20,29 @@ STEEPEST = 0.1  # n.l below which a sample tells little
 LOW = 0.4  # quantile of I / n.l that is taken for the matt part at first: highlights are above it, shadows below
 SHADE = 0.4  # of that, below which a sample lies in a shadow
 NOISE = 1e-4  # least variance, over the signal's square: what the model can't explain anyway
-FAINT = 0.1  # a highlight that is seen adds this to the matt part where that is brightest
-FLANK = 0.1  # of the lobe's peak: a light must show so much of it
-EXPLAINED = 0.5  # of what the matt part leaves: the highlight must explain so much
+FAINT = 0.08  # a highlight that is seen adds this to the matt part where that is brightest
+FLANK = 0.09  # of the lobe's peak: a light must show so much of it
+EXPLAINED = 0.2  # of what the matt part leaves: the highlight must explain so much
 BROADEST = 0.8  # roughness from which a highlight looks like what matt surfaces show
+CERTAIN = 0.8  # of what the matt part leaves, where the highlight is to tell that there is no matt part
+ALIKE = 0.98  # cosine between the samples of both lobes above which they can't be told apart
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Both lobes of some pixels.
+
+    Parameters
+    ----------
+    albedo, F0 : not below zero; F0 is zero where no highlight is told
+    told : the lights show a highlight that fits
+    certain : it fits so well, and so unlike a matt part, that it tells how much of that there is
+    """
+
+    albedo: Float[Tensor, "p c"]
+    F0: Float[Tensor, "p c"]
+    told: Bool[Tensor, " p"]
+    certain: Bool[Tensor, " p"]
 
 
 @dataclass(frozen=True)
@@ -35,6 +54,7 @@ class Samples:
     I : radiance
     cos_l, cos_v, cos_h : n.l, n.v and n.h
     w : weights, one over the squared level of a sample; 0 where it is in shadow or saturated
+    lit : which ones are in no shadow, saturated ones too
     albedo : a first guess
     """
 
@@ -43,6 +63,7 @@ class Samples:
     cos_v: Float[Tensor, "p 1"]
     cos_h: Float[Tensor, "p n"]
     w: Float[Tensor, "p n"]
+    lit: Bool[Tensor, "p n"]
     albedo: Float[Tensor, "p c"]
 
     def lobe(self, roughness: Float[Tensor, "#p 1"] | Tensor) -> Float[Tensor, "p n"]:
@@ -60,16 +81,17 @@ def samples(
     """Samples and their weights: those in shadow are told by a low quantile of I / n.l over the lights."""
     cos_l = cosines(N, L)
     Y = I.mean(-1)  # (p, n)
-    usable = (cos_l > STEEPEST) & ~saturated
+    facing = cos_l > STEEPEST
+    usable = facing & ~saturated
     ratio = torch.where(usable, Y / cos_l.clamp(min=STEEPEST), torch.inf)
     rank = (LOW * usable.sum(1, keepdim=True)).long().clamp(max=Y.shape[1] - 1)
     at = ratio.sort(1).indices.gather(1, rank)  # (p, 1) the light that shows the quantile
     albedo = I.gather(1, at[..., None].expand(-1, 1, I.shape[2]))[:, 0] / cos_l.gather(1, at).clamp(min=STEEPEST)
     level = albedo.mean(-1, keepdim=True)
-    usable &= Y >= SHADE * level * cos_l
+    lit = facing & (Y >= SHADE * level * cos_l)
     sigma = level + Y + 1e-3 * Y.amax(1, keepdim=True)
-    w = torch.where(usable, sigma.clamp(min=1e-12) ** -2, 0.0)
-    return Samples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, albedo)
+    w = torch.where(lit & ~saturated, sigma.clamp(min=1e-12) ** -2, 0.0)
+    return Samples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, lit, albedo)
 
 
 def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
@@ -104,13 +126,8 @@ def likeliest(values: Float[Tensor, "p r"]) -> Float[Tensor, " p"]:
     return torch.exp(log[k] + between * (log[1] - log[0]))[:, 0]
 
 
-def fitted(
-    s: Samples, roughness: Float[Tensor, " p"]
-) -> tuple[Float[Tensor, "p c"], Float[Tensor, "p c"], Bool[Tensor, " p"]]:
-    """Albedo and F0, neither below zero, at a given roughness; and where the lights show a highlight that fits.
-
-    Elsewhere F0 is zero.
-    """
+def fitted(s: Samples, roughness: Float[Tensor, " p"]) -> Fit:
+    """The lobes in least squares at a given roughness."""
     matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
     wm, wg = s.w * matt, s.w * g
     mm, gg, gm = ((a * b).sum(1, keepdim=True).clamp(min=1e-12) for a, b in ((wm, matt), (wg, g), (wm, g)))
@@ -125,11 +142,11 @@ def fitted(
         return (s.w[..., None] * (s.I - model).square()).sum((1, 2))
 
     alone = Im / mm
-    explained = left(rho, F0) < (1 - EXPLAINED) * left(alone, torch.zeros_like(F0))
-    lit = s.w > 0
+    unexplained, of = left(rho, F0), left(alone, torch.zeros_like(F0))
     a2 = roughness[:, None] ** 4
     near = (a2 / ((a2 - 1) * s.cos_h.square() + 1)).square() > FLANK  # of D over its peak
-    brightest = (rho.mean(-1, keepdim=True) * matt * lit).amax(1, keepdim=True)
-    shown = lit & near & (F0.mean(-1, keepdim=True) * g > FAINT * brightest)
-    told = shown.any(1) & explained & (roughness < BROADEST)
-    return torch.where(told[:, None], rho, alone), F0 * told[:, None], told
+    brightest = (rho.mean(-1, keepdim=True) * matt * s.lit).amax(1, keepdim=True)
+    shown = s.lit & near & (F0.mean(-1, keepdim=True) * g > FAINT * brightest)
+    told = shown.any(1) & (unexplained < (1 - EXPLAINED) * of) & (roughness < BROADEST)
+    certain = told & (unexplained < (1 - CERTAIN) * of) & (gm.square() < ALIKE**2 * mm * gg)[:, 0]
+    return Fit(torch.where(told[:, None], rho, alone), F0 * told[:, None], told, certain)

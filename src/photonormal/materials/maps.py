@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.masked import row_bands
@@ -19,10 +19,12 @@ from photonormal.types import Capture, Materials, Normals, box_of
 
 PIXELS = 2**11  # whose lobes are computed at a time: they fit into a cache
 LEVELS = 8  # grey levels that take as much memory as what is found of a pixel
+FITTED = ("albedo", "F0", "told", "certain")
 SATURATED = 0.995  # of the largest sample, from which one tells too little
-MATT = 0.3  # share of the albedo in albedo + F0 above which nothing is a metal,
+MATT = 0.6  # share of the albedo in albedo + F0 above which nothing is a metal,
 BARE = 0.05  # below which it is one,
-COLOURED = 0.2  # and between them where F0 of the channels differs by this much of the largest
+TINTED = 0.3  # or below which it is where
+COLOURED = 0.4  # F0 of the channels differs by this much of the largest
 
 
 def materials_of(capture: Capture, normals: Normals) -> Materials:
@@ -63,14 +65,14 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     where = torch.from_numpy(on)
     likelihood = torch.zeros(*on.shape, len(ROUGHNESS))
     colour = torch.zeros(*on.shape, capture.images.shape[3])
-    told = [(log_likelihood(s), s.albedo) for s in (samples(*part) for part in seen)]
-    likelihood[where], colour[where] = (torch.cat(values) for values in zip(*told, strict=True))
-    del told
+    each = [(log_likelihood(s), s.albedo) for s in (samples(*part) for part in seen)]
+    likelihood[where], colour[where] = (torch.cat(values) for values in zip(*each, strict=True))
+    del each
     roughness = likeliest(pooled(likelihood, colour)[where]).split([len(part[0]) for part in seen])
     del likelihood
     fits = [fitted(samples(*part), r) for part, r in zip(seen, roughness, strict=True)]
-    rho, F0, shown = (torch.cat(values) for values in zip(*fits, strict=True))
-    roughness = torch.where(shown, torch.cat(roughness), torch.nan)
+    rho, F0, told, certain = (torch.cat([getattr(fit, name) for fit in fits]) for name in FITTED)
+    roughness = torch.where(told, torch.cat(roughness), torch.nan)
     kept = np.zeros_like(on)
     kept[rows.start - around.start : rows.stop - around.start] = True
     kept, mine = kept & on, torch.from_numpy(kept[on])
@@ -78,7 +80,7 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
         (found.albedo, rho),
         (found.specular, F0),
         (found.roughness, roughness),
-        (found.metalness, metalness(rho, F0)),
+        (found.metalness, metalness(rho, F0, certain)),
     ):
         map[around, columns][kept] = values[mine].numpy()
 
@@ -101,12 +103,12 @@ def _seen(
         yield I[part], N[part], lights, (I[part] >= white).any(-1)
 
 
-def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"]) -> Float[Tensor, " p"]:
-    """1 where there is no matt part, or hardly any under a coloured highlight; 0 where there is one; else NaN."""
+def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"], certain: Bool[Tensor, " p"]) -> Float[Tensor, " p"]:
+    """1 where there is certainly no matt part, or little of it under a coloured highlight; 0 where there is one; else
+    NaN: light that comes from other parts, and shadows, hide a matt part, but fit no highlight well."""
     matt, bright = rho.mean(-1), F0.mean(-1)
     share = matt / (matt + bright).clamp(min=1e-12)
     coloured = F0.amax(-1) - F0.amin(-1) > COLOURED * F0.amax(-1)
-    metal = (share < BARE) | ((share < MATT) & coloured)
-    told = bright > 0
+    metal = certain & ((share < BARE) | ((share < TINTED) & coloured))
     nan = torch.full_like(share, torch.nan)
-    return torch.where(told & metal, 1.0, torch.where(told & (share > MATT), 0.0, nan))
+    return torch.where(metal, 1.0, torch.where((bright > 0) & (share > MATT), 0.0, nan))

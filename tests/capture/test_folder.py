@@ -111,7 +111,8 @@ class TestCsv:
 
 def test_no_lights(tmp_path):
     (write_folder(tmp_path) / "light_directions.txt").unlink()
-    assert "--lights" in refusal(load, tmp_path)
+    message = refusal(load, tmp_path)
+    assert all(way in message for way in ("--lights", "photonormal calibrate", "--ring", "--lights unknown"))
 
 
 def test_no_pictures(tmp_path):

@@ -9,10 +9,10 @@ from photonormal.doctor import check, samples
 from photonormal.doctor.explanations import explanation, raised
 from photonormal.doctor.given import Distant
 from photonormal.geometry import angle_deg, normalised
-from photonormal.types import Capture
+from photonormal.types import Capture, Normals
 from tests.calibration.chrome import dome
 from tests.doctor.test_check import bumps, noisy
-from tests.scenes import lambertian, ring
+from tests.scenes import lambertian, ring, sphere
 
 LIGHTS = np.concatenate([dome(12, 60.0), dome(8, 30.0)[:7]])
 
@@ -79,21 +79,45 @@ def test_distant_lamps_are_not_near_ones():
     assert told(near_lamps(100.0)) == []
 
 
-def shining(strength: float, exponent: float, seed: int = 3) -> Capture:
-    """A right capture of the bumps with highlights: `strength` of full brightness, (n.h)^exponent wide."""
-    truth, half = bumps(), normalised(LIGHTS + np.array([0, 0, 1]))
+def shining(truth: Normals, strength: float, exponent: float) -> Capture:
+    """A right capture with highlights: `strength` of full brightness, (n.h)^exponent wide."""
+    half = normalised(LIGHTS + np.array([0, 0, 1]))
     matt = (truth.map @ LIGHTS.T).clip(0)
     I = 0.3 * matt + strength * (matt > 0) * (truth.map @ half.T).clip(0) ** exponent
     images = I.transpose(2, 0, 1)[..., None].astype(np.float32)
-    return noisy(Capture(images / images.max(), truth.mask, LIGHTS), seed)
+    return noisy(Capture(images / images.max(), truth.mask, LIGHTS), 3)
 
 
 @pytest.mark.parametrize(("strength", "exponent"), [(0.2, 60), (0.6, 25), (1.0, 8), (2.0, 30), (5.0, 15)])
 def test_shine_is_neither_another_light_nor_an_encoding(strength, exponent):
-    capture = shining(strength, exponent)
+    capture = shining(bumps(), strength, exponent)
     assert [f.kind for f in check(capture) if f.kind != "saturation"] == []
     s = samples.read(capture)
     assert explanation(Distant(s.I, LIGHTS), s.mask, 16, linearised=False) == []
+
+
+@pytest.mark.parametrize("exponent", [2, 5])
+def test_sheen_of_a_ball_is_no_near_lamp(exponent):
+    """What faces a lamp lies on its side of the ball, so that places explain sheen nearly as well as normals do."""
+    assert told(shining(sphere(72), 0.2, exponent)) == []
+
+
+@pytest.mark.parametrize("exponent", [100, 300])
+def test_shine_of_flat_ground_is_no_brighter_light(exponent):
+    """Most of the object mirrors the same lamps; the balls that stand on it show how bright these are."""
+    size, map = 72, np.zeros((72, 72, 3))
+    y, x = np.mgrid[:size, :size].astype(float)
+    map[..., 2] = 1
+    for column, row, r in ((18, 20, 11), (50, 24, 13), (30, 52, 12)):
+        u, v = (x - column) / r, (row - y) / r
+        ball = np.stack([u, v, np.sqrt(np.maximum(1 - u**2 - v**2, 0))], axis=-1)
+        map = np.where((u**2 + v**2 < 0.9)[..., None], ball, map)
+    capture = shining(Normals(map.astype(np.float32), np.ones((size, size), bool)), 0.3, exponent)
+    assert "intensities" not in {f.kind for f in check(capture)}
+    images = np.array(capture.images)
+    images[16] *= 0.6
+    (found,) = [f for f in check(replace(capture, images=images)) if f.kind == "intensities"]
+    assert "image 17 x 0.6" in found.message
 
 
 def test_light_that_shadows_take_away_does_not_stay_on(right):

@@ -48,6 +48,19 @@ def test_shifts_are_found_and_others_are_left_alone(rough, moved):
     assert all(np.abs(found[j] - s).max() < 0.5 for j, s in moved.items())
 
 
+def test_what_moves_by_itself_is_no_picture_that_moved():
+    """As a highlight does: most of the detail lies elsewhere in one picture, but most of the picture does not."""
+    import cv2
+
+    z = cv2.GaussianBlur(np.random.default_rng(1).standard_normal((90, 110)), (0, 0), 2.5)
+    z[30:60, 40:75] *= 12
+    images = shiny(z)
+    images[4, 30:60, 40:75] = np.roll(images[4], (3, 4), axis=(0, 1))[30:60, 40:75]
+    assert not shifts(images).any()
+    images[4] = np.roll(shiny(z)[4], (3, 4), axis=(0, 1))
+    assert np.abs(shifts(images)[4] - (4, 3)).max() < 0.5
+
+
 def test_what_repeats_is_not_said_to_have_moved_by_a_repeat(woven):
     """A shift by whole threads can't be seen in them."""
     images = woven.copy()

@@ -48,7 +48,8 @@ def read(path: Path, choice: Choice, lights: Path | None = None) -> Capture:
     if own is None and not given:
         raise InputError(
             f"{path} has {len(pictures)} pictures but no light_directions.txt, lights.csv or .lp; add one, or name a "
-            "file with --lights, or say where the lamps stand with --ring."
+            "file with --lights, or get one from a mirror sphere with `photonormal calibrate`, or say where the lamps "
+            "stand with --ring, or have lights found from the object with --lights unknown."
         )
     intensities, truth = path / "light_intensities.txt", path / "Normal_gt.mat"
     return assemble(

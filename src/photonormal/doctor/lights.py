@@ -14,11 +14,13 @@ from photonormal.doctor.frame import GIVEN, Surface, Verdict, judged, wrong_fram
 from photonormal.doctor.given import Given, Near
 from photonormal.doctor.misfit import MATT, Pixels
 from photonormal.doctor.order import BETTER, Orders, name_of
+from photonormal.geometry import angle_deg
 
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
 SPREADS = 4.0  # and how many spreads of the other lights' factors
 LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
 EXPLAINED = 0.4  # of the misfit is left at most with those factors
+ANGLES_DEG = 6.0  # between a normal and the direction halfway to the light, by which orientations are told apart
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
 
@@ -90,14 +92,17 @@ def _reordered(
 
 
 def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> list[Finding]:
-    """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts."""
+    """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts.
+
+    Shine brightens a picture where normals are halfway to its light, an intensity wherever they point.
+    """
     pixels, L = Pixels.of(given.seen(), mask), given.directions()
     if pixels is None:
         return []
     e, _ = self_calibrated(pixels.I, L)
     factor = e / np.median(e)
     evened = pixels.showing(pixels.I / factor)
-    b, after = evened.fit(L)
+    after = evened.fit(L)[1]
     if np.median(after) > MATT:
         return []
     numbers = {"factors": [round(float(f), 4) for f in factor]}
@@ -114,9 +119,13 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         return [Finding("intensities", True, message, numbers)]
 
     def confirmed(j: int) -> bool:
+        others = replace(evened, lit=evened.lit & (np.arange(len(L)) != j))
+        b = others.fit(L)[0]
         shown, lit = (b @ L[j]).clip(0), pixels.lit[:, j] & (b @ L[j] > 0)
         before, after = (np.abs(p.I[:, j] - shown) / pixels.level for p in (pixels, evened))
-        return pixels.gain(before, after, lit).below(EXPLAINED)
+        angle = angle_deg(b, np.broadcast_to(L[j] + [0, 0, 1], b.shape))
+        oriented = replace(pixels, part=(angle // ANGLES_DEG).astype(int))
+        return all(p.gain(before, after, lit).below(EXPLAINED) for p in (pixels, oriented))
 
     off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
     off = np.array([j for j in off if confirmed(int(j))], int)

@@ -4,6 +4,7 @@
     python benchmarks/lights.py ROOT --images 10         # of ten of the photographs, three draws
     python benchmarks/lights.py ROOT --method sdps       # SDPS-Net, which finds the lights itself
     python benchmarks/lights.py ROOT --wrong 5           # --refine-lights, from given ones that are 5 degrees off
+    python benchmarks/lights.py ROOT --wrong 2 --halfway # the same from halfway vectors that are off besides
     python benchmarks/lights.py --rendered 24            # lights unknown, on rendered objects of held-out materials
 
 Angles are means in degrees; intensities' errors are scale-invariant, in per cent (`photonormal.scoring.lights`).
@@ -20,6 +21,7 @@ import numpy as np
 
 import photonormal as pn
 from photonormal.capture.texts import read_table
+from photonormal.geometry import normalised
 from photonormal.methods import configure
 from photonormal.methods.inputs.grey import grey_samples
 from photonormal.methods.uncalibrated import found_lights
@@ -59,7 +61,7 @@ def some(capture: Capture, chosen: np.ndarray, lights: bool) -> Capture:
     return Capture(images, capture.mask, L, truth=capture.truth, name=capture.name)
 
 
-def real(root: Path, objects: list[str], images: int, wrong: float, method: str) -> None:
+def real(root: Path, objects: list[str], images: int, wrong: float, halfway: bool, method: str) -> None:
     """Tables of DiLiGenT's objects."""
     title = "before | after | normals, given | normals, mended" if wrong else "lights | intensities % | normals"
     title += "" if configure(method).needs.finds_lights else " | normals, true lights"
@@ -72,7 +74,8 @@ def real(root: Path, objects: list[str], images: int, wrong: float, method: str)
         for draw in range(3 if images or wrong else 1):
             g = np.random.default_rng(draw)
             if wrong:
-                bad = replace(known, lights=shaken(known.known_lights(), wrong, g))
+                L = known.known_lights()
+                bad = replace(known, lights=shaken(normalised(L + np.array([0, 0, 1])) if halfway else L, wrong, g))
                 found = found_lights(bad, "refined")
                 off = [score_lights(L, known.known_lights()).mean_deg for L in (bad.known_lights(), found.lights)]
                 row = " | ".join(f"{v:.2f}" for v in off)
@@ -120,6 +123,7 @@ def main() -> None:
     parser.add_argument("--objects", default="ball,bear,cat,reading")
     parser.add_argument("--images", type=int, default=0)
     parser.add_argument("--wrong", type=float, default=0.0)
+    parser.add_argument("--halfway", action="store_true")
     parser.add_argument("--method", default="normalnet")
     parser.add_argument("--rendered", type=int, default=0)
     given = parser.parse_args()
@@ -129,7 +133,7 @@ def main() -> None:
     elif given.root is None:
         parser.error("ROOT is needed, a folder that holds <object>PNG folders, or --rendered")
     else:
-        real(given.root, given.objects.split(","), given.images, given.wrong, given.method)
+        real(given.root, given.objects.split(","), given.images, given.wrong, given.halfway, given.method)
 
 
 if __name__ == "__main__":

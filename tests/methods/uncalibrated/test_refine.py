@@ -10,7 +10,7 @@ import torch
 import photonormal as pn
 from photonormal import InputError
 from photonormal.cli import main
-from photonormal.geometry import angle_deg
+from photonormal.geometry import angle_deg, normalised
 from photonormal.methods.uncalibrated.frame import Believed, curl, settled
 from photonormal.methods.uncalibrated.reduced import AROUND, reduced
 from photonormal.methods.uncalibrated.refine import refined
@@ -49,6 +49,13 @@ def test_random_errors_of_five_degrees_are_mended(true):
     bad = replace(true, lights=shaken(true.lights, 5))
     before, after = score_lights(bad.lights, true.lights), score_lights(refined(bad).lights, true.lights)
     assert before.mean_deg > 4.5 and after.mean_deg < 1.5
+
+
+def test_halfway_vectors_are_told_and_doubled(true):
+    halfway = normalised(true.lights + [0, 0, 1])
+    found = refined(replace(true, lights=shaken(halfway, 2)))
+    assert score_lights(found.lights, true.lights).mean_deg < 1.5 and "halfway" in found.notes[0]
+    assert not refined(replace(true, lights=shaken(true.lights, 8))).notes
 
 
 def test_right_lights_stay_right(true):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from photonormal.geometry import angle_deg
 from photonormal.lighting import FoundLights
@@ -15,6 +17,11 @@ from photonormal.progress import progress
 from photonormal.types import Capture
 
 MOVED_DEG = 1.5  # mean, from which on given lights are doubted
+UNEVEN = 0.05  # unevenness of lights that were divided by their intensities, from which on they may be halfway vectors
+EVENER = 0.7  # and are, where twice the angles leave less than this of it
+HALFWAY = (
+    "the given lights were halfway to the right ones; their angles to the camera's axis were doubled, then mended."
+)
 BETTER = 0.98  # of the misfit under the given lights: mended ones that leave more are not taken
 
 
@@ -22,7 +29,9 @@ def refined(capture: Capture) -> FoundLights:
     """The capture's own distant lights, mended: each is turned to where the photographs speak for.
 
     Their errors are to be each light's own: what all have in common is told where the normals' curl tells it, and is
-    believed else. Intensities stay as they are.
+    believed else. Intensities stay as they are, so lights that are found have one length; where they haven't, and
+    have it nearly when they start at twice the angle to the camera's axis, the given ones were halfway to the right
+    ones: a mirror sphere's normals in place of the reflections there.
 
     Raises
     ------
@@ -34,12 +43,28 @@ def refined(capture: Capture) -> FoundLights:
     with progress("lights"):
         shown = Shown.of(capture)
         s, N, moved_deg = rounds(shown, L, Believed(L, float(len(L))))
+        halfway = False
+        if unevenness(s) > UNEVEN:
+            twice = reflected(L)
+            other = rounds(shown, twice, Believed(twice, float(len(L))))
+            if halfway := unevenness(other[0]) < EVENER * unevenness(s):
+                s, N, moved_deg = other
         before, after = misfit(shown, normals_under(shown, L), L), misfit(shown, N, s)
     if not (after < BETTER * before and moved_deg < SETTLED_DEG):
         note = "the photographs speak for no other lights than the given ones, which are kept."
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))
     found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
-    return FoundLights(found, moved_deg=angle_deg(found, capture.known_lights()))
+    return FoundLights(found, moved_deg=angle_deg(found, capture.known_lights()), notes=(HALFWAY,) * halfway)
+
+
+def reflected(N: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """Where light comes from that a mirror of these normals sends to the camera: at twice their angle to its axis."""
+    return 2 * N[:, 2:] * N - N.new_tensor([0.0, 0.0, 1.0])
+
+
+def unevenness(s: Float[Tensor, "n 3"]) -> float:
+    """How much the lengths of lights differ: the standard deviation of their logarithms."""
+    return float(s.norm(dim=1).log().std())
 
 
 def mended(capture: Capture) -> FoundLights | None:
@@ -51,4 +76,4 @@ def mended(capture: Capture) -> FoundLights | None:
         return None
     found = refined(capture)
     assert found.moved_deg is not None
-    return found if found.moved_deg.mean() > MOVED_DEG and not found.notes else None
+    return found if found.moved_deg.mean() > MOVED_DEG else None

@@ -25,6 +25,17 @@ def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
     assert provenance.source_sha256(woodham) != before[0]
 
 
+def test_a_program_is_told_by_all_its_code_whatever_the_line_ends(monkeypatch, tmp_path):
+    def told(content: bytes, name: str = "a.py") -> provenance.Program:
+        (tmp_path / name).write_bytes(content)
+        return provenance.program.__wrapped__()
+
+    monkeypatch.setattr(provenance, "PACKAGE", tmp_path)
+    first = told(b"a = 1\nb = 2\n")
+    assert told(b"a = 1\r\nb = 2\r\n") == first and told(b"anything", "a.md") == first
+    assert told(b"a = 2\nb = 2\n") != first
+
+
 def test_what_was_read_is_told_from_what_has_changed(tmp_path):
     for name in ("a.txt", "b.txt", "beside.txt"):
         (tmp_path / name).write_text(name)

@@ -8,8 +8,9 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any, NotRequired, TypedDict
+from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import photonormal
 from photonormal.files.opening import Stamp, open_file
@@ -19,6 +20,7 @@ from photonormal.stored import Word
 from photonormal.types import InputError
 
 PACKAGE = Path(__file__).parent
+PARTS = {".py", ".json", ".safetensors"}  # of the package that results depend on
 ENGINE = tuple(f"photonormal.methods.engine.{part}" for part in ("samples", "stream", "halved", "near"))
 FINDING = {  # where lights come from -> what finds them
     "refined": "photonormal.methods.uncalibrated.refine",
@@ -49,6 +51,13 @@ class Inputs(TypedDict):
 
     files: dict[Word, Input]  # by paths, relative where they lie below the capture's folder
     beside: list[Word]  # files of the capture's folder that were not read
+
+
+class Program(NamedTuple):
+    """Which photonormal this is, whatever its method."""
+
+    version: str
+    sha256: str  # of its code and weights
 
 
 class Made(TypedDict):
@@ -164,6 +173,15 @@ def _digest(path: Path) -> tuple[str, Stamp]:
         return digest, Stamp.of(file)
 
 
+@cache
+def program() -> Program:
+    """This photonormal, as its files were when this process first asked."""
+    digest = hashlib.sha256()
+    for path in sorted(p for p in PACKAGE.rglob("*") if p.suffix in PARTS):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + _content(path) + b"\0")
+    return Program(photonormal.__version__, digest.hexdigest())
+
+
 def source_sha256(*modules: str) -> str:
     """SHA-256 of modules, such as a method's, of the engine, and of all modules of photonormal that they import."""
     found: dict[str, bytes] = {}
@@ -173,12 +191,18 @@ def source_sha256(*modules: str) -> str:
         file = _file(name)
         if file is None or name in found or name in BESIDES:
             continue
-        found[name] = file.read_bytes()
+        found[name] = _content(file)
         waiting += _imports(found[name])
     digest = hashlib.sha256()
     for name in sorted(found):
-        digest.update(name.encode() + b"\0" + found[name].replace(b"\r\n", b"\n") + b"\0")
+        digest.update(name.encode() + b"\0" + found[name] + b"\0")
     return digest.hexdigest()
+
+
+def _content(file: Path) -> bytes:
+    """What a file of the package holds, the same whatever system it was checked out on."""
+    data = file.read_bytes()
+    return data.replace(b"\r\n", b"\n") if file.suffix in (".py", ".json") else data
 
 
 def _imports(source: bytes) -> Iterable[str]:

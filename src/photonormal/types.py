@@ -372,6 +372,15 @@ def _parts(mask: Mask) -> Iterator[slice]:
     return (slice(y, y + 256) for y in range(0, len(mask), 256))
 
 
+_share: int | None = None
+
+
 def cores() -> int:
-    """Processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    """Processors that this process may use: those that it may run on, or its share of them."""
+    return _share or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+def take_share(threads: int) -> None:
+    """From now on this process uses so many processors: others work beside it."""
+    global _share
+    _share = threads

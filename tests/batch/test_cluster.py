@@ -3,12 +3,17 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import photonormal as pn
 from photonormal.batch import cluster
+from photonormal.batch.captures import jobs
+from photonormal.disk import at_once
+from photonormal.job import Job, carry_out
+from photonormal.provenance import Program, program
 from photonormal.types import InputError
 from tests.batch.conftest import WORDS, cut, normals
 
@@ -38,13 +43,23 @@ def test_a_scheduler_that_does_not_answer_is_one_line(season, tmp_path, batch, m
 
 
 class Workers:
-    """A cluster whose workers have several versions."""
+    """A cluster whose workers differ."""
 
     def run(self, function, on_error):
-        there = {"tcp://a:1": pn.__version__, "tcp://b:1": "0.0.1", "tcp://c:1": ModuleNotFoundError("photonormal")}
-        return there | {"tcp://d:1": ConnectionResetError("it has just ended")}
+        there = {"a": program(), "b": Program("0.0.1", "1"), "c": Program(pn.__version__, "1")}
+        failed = {"d": ModuleNotFoundError("photonormal"), "e": ConnectionResetError("it has just ended")}
+        return there | failed | {"f": AttributeError("program")}
 
 
-def test_workers_of_another_version_are_named():
-    with pytest.raises(InputError, match=r"another version: tcp://b:1 0\.0\.1, tcp://c:1 none; install"):
-        cluster._refuse_other_versions(Workers())
+def test_workers_of_another_version_or_other_code_are_named():
+    there = f"b has 0.0.1, c has {pn.__version__} with other code or weights, d has none, f has one that can't be asked"
+    with pytest.raises(InputError, match=f"another: {there}; install the same everywhere"):
+        cluster._refuse_others(Workers())
+
+
+def test_what_workers_end_without_a_scheduler_is_told(season, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "ALONE_S", 0.0)
+    named = jobs([str(season / "*")], tmp_path / "results", Job(Path(), Path(), method="woodham"), {})
+    carry_out(named[1].job)
+    with at_once(named[2].job.out):
+        assert [outcome.name for outcome in cluster._ended_alone([(n, 0.0) for n in named])] == ["vase-1"]

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from photonormal.disk import PARTIAL, at_once, recover, refuse_taken, write
+from photonormal.disk import PARTIAL, at_once, in_use, recover, refuse_taken, write
 from photonormal.types import InputError
 
 OLD = {"a.txt": "old a", "deep/b.txt": "old b", "gone.txt": "old"}
@@ -306,3 +306,11 @@ def test_processes_that_write_into_one_folder_wait_for_each_other(tmp_path):
     running = [subprocess.Popen([sys.executable, "-c", code, str(tmp_path), str(k)]) for k in range(3)]
     assert [process.wait() for process in running] == [0, 0, 0]
     assert len(content(tmp_path)) == 120
+
+
+def test_a_folder_is_in_use_while_something_is_written_there(tmp_path):
+    assert not in_use(tmp_path)
+    with at_once(tmp_path) as batch:
+        batch.write("a.txt", b"a")
+        assert in_use(tmp_path)
+    assert not in_use(tmp_path)

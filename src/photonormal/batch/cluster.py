@@ -17,12 +17,15 @@ from typing import Any
 import photonormal
 from photonormal import progress
 from photonormal.batch.captures import Named
-from photonormal.batch.state import record_failure
-from photonormal.batch.work import At, Begun, Measured, Outcome, work
+from photonormal.batch.state import record_failure, state_of
+from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, work
+from photonormal.disk import in_use
 from photonormal.files import memory
+from photonormal.provenance import Program, program
 from photonormal.types import InputError, cores
 
 ANSWER_S = 10  # in which a scheduler answers
+ALONE_S = 60.0  # that workers have for captures that they are at, once the scheduler is lost
 OFTEN_S = 1.0  # between two words about how far a capture is
 TOPIC = "photonormal"  # of those words
 GPU = "GPU"  # resource of workers that have one: a capture takes one
@@ -37,7 +40,8 @@ def cluster(scheduler: str, workers: int | None) -> Iterator[Measured]:
     Raises
     ------
     InputError
-        If the scheduler does not answer, a worker has another version of photonormal, or Dask is not installed.
+        If the scheduler does not answer, a worker has another version or other code of photonormal, or Dask is not
+        installed.
     """
     try:
         from dask import config
@@ -60,7 +64,7 @@ def cluster(scheduler: str, workers: int | None) -> Iterator[Measured]:
                 )
             client = Client(local)
         with client:
-            _refuse_other_versions(client)
+            _refuse_others(client)
             yield partial(_run, client, nbytes)
     finally:
         if local is not None:
@@ -81,37 +85,48 @@ def _connected(scheduler: str, client: Callable[..., Any]) -> Any:
         ) from None
 
 
-def version() -> str:
-    """That of this process."""
-    return photonormal.__version__
-
-
-def _refuse_other_versions(client: Any) -> None:
-    found = client.run(version, on_error="return")
-    here = photonormal.__version__
-    others = {address: v for address, v in found.items() if v != here and not isinstance(v, OSError)}  # it has ended
+def _refuse_others(client: Any) -> None:
+    """InputError where workers have another photonormal."""
+    found = client.run(program, on_error="return")
+    here = program()
+    others = {address: p for address, p in found.items() if p != here and not isinstance(p, OSError)}  # it has ended
     if others:
-        said = ", ".join(f"{a} {v if isinstance(v, str) else 'none'}" for a, v in list(others.items())[:5])
+        said = ", ".join(f"{address} {_other(p)}" for address, p in list(others.items())[:5])
         more = f" and {len(others) - 5} more" if len(others) > 5 else ""
         raise InputError(
-            f"photonormal {here} is here but workers have another version: {said}{more}; install the same everywhere."
+            f"photonormal {here.version} is here but workers have another: {said}{more}; install the same everywhere, "
+            "and start those workers again."
         )
+
+
+def _other(there: Program | Exception) -> str:
+    """Which photonormal a worker has that has not the one that is here."""
+    if isinstance(there, ModuleNotFoundError):
+        return "has none"
+    if isinstance(there, Exception):
+        return "has one that can't be asked"
+    return f"has {there.version}" + " with other code or weights" * (there.version == photonormal.__version__)
 
 
 def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begun) -> Iterator[Outcome]:
     """What comes of the captures, as it comes."""
     from distributed import KilledWorker, as_completed
 
+    running: dict[str, float] = {}  # since when
+
     def heard(event: tuple[float, Any]) -> None:
         name, where, *said = event[1]
-        at(name, *said) if said else begun(name, where)
+        if said:
+            at(name, *said)
+        else:
+            running[name] = time.monotonic()
+            begun(name, where)
 
     client.subscribe_topic(TOPIC, heard)
     on_gpus = any(GPU in w.get("resources", {}) for w in client.scheduler_info(n_workers=-1)["workers"].values())
     resources = {GPU: 1} if on_gpus else None
     futures = {
-        client.submit(_task, _absolute(n), photonormal.__version__, nbytes, pure=False, resources=resources): n
-        for n in waiting
+        client.submit(_task, _absolute(n), program(), nbytes, pure=False, resources=resources): n for n in waiting
     }
     try:
         for future in as_completed(list(futures)):
@@ -123,8 +138,12 @@ def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begu
                 record_failure(named.job, "killed", failure, None)
                 outcome = Outcome(named.name, 0.0, failure, "killed")
             except (OSError, CancelledError):
+                left = [named, *futures.values()]
+                ended = list(_ended_alone([(n, running[n.name]) for n in left if n.name in running]))
+                yield from ended
                 raise InputError(
-                    f"the connection to the scheduler was lost with {len(futures) + 1} captures to come; run it again."
+                    f"the connection to the scheduler was lost with {len(left) - len(ended)} captures to come; run it "
+                    "again."
                 ) from None
             except Exception as error:  # of a worker that has come without photonormal
                 failure = f"its worker can't measure: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
@@ -133,6 +152,16 @@ def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begu
     finally:
         client.unsubscribe_topic(TOPIC)
         client.cancel(list(futures))
+
+
+def _ended_alone(running: Sequence[tuple[Named, float]]) -> Iterator[Outcome]:
+    """The captures that their workers, running since then, have still ended without a scheduler."""
+    deadline = time.monotonic() + ALONE_S
+    for named, since in running:
+        while in_use(named.job.out) and time.monotonic() < deadline:
+            time.sleep(OFTEN_S)
+        if state_of(named.job).kind == "done":
+            yield Outcome(named.name, time.monotonic() - since)
 
 
 def _absolute(named: Named) -> Named:
@@ -144,14 +173,17 @@ def _absolute(named: Named) -> Named:
     return replace(named, job=job)
 
 
-def _task(named: Named, needed: str, nbytes: int) -> Outcome:
-    """What a worker does with a capture; it may have come after the others were asked for their version."""
+def _task(named: Named, needed: Program, nbytes: int) -> Outcome:
+    """What a worker does with a capture; it may have come after the others were asked which photonormal they have."""
+    import torch
     from distributed import get_worker
 
     worker = get_worker()
-    if photonormal.__version__ != needed:
-        here = f"worker {worker.address} has photonormal {photonormal.__version__}"
-        return Outcome(named.name, 0.0, f"{here} but {needed} is needed; install that there.", "killed")
+    if program() != needed:
+        there = f"worker {worker.address} {_other(program())}"
+        return Outcome(
+            named.name, 0.0, f"photonormal {needed.version} is needed but {there}; install the same there.", "killed"
+        )
     limit = worker.memory_manager.memory_limit  # pyright: ignore[reportAttributeAccessIssue]
     allowed = nbytes or (limit or 0) // 2
     told = 0.0
@@ -167,4 +199,5 @@ def _task(named: Named, needed: str, nbytes: int) -> Outcome:
             memory.allow(f"{allowed // 10**6}MB")
         worker.log_event(TOPIC, (named.name, worker.address))
         progress.tell_to(tell)
+        use_threads(torch.get_num_threads())
         return work(named)

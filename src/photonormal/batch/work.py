@@ -9,7 +9,7 @@ from typing import Any
 
 from photonormal.batch.captures import Named
 from photonormal.batch.state import Kind, record_failure
-from photonormal.types import InputError
+from photonormal.types import InputError, take_share
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,16 @@ class Outcome:
 At = Callable[[str, str, int, int | None], None]  # of a capture: what is being done, steps done and in all
 Begun = Callable[[str, str], None]  # a capture, and where
 Measured = Callable[[Sequence[Named], At, Begun], Iterator[Outcome]]  # what comes of captures, as it comes
+
+
+def use_threads(count: int) -> None:
+    """Whatever this process computes with takes so many threads at most; others work beside it."""
+    import cv2
+    import torch
+
+    torch.set_num_threads(count)
+    cv2.setNumThreads(count)
+    take_share(count)
 
 
 def work(named: Named) -> Outcome:

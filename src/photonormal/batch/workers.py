@@ -7,19 +7,31 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
+from functools import partial
 from multiprocessing.connection import Connection, wait
+from typing import Any
 
 from photonormal import progress
 from photonormal.batch.captures import Named
 from photonormal.batch.state import record_failure
-from photonormal.batch.work import At, Begun, Outcome, work
+from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, work
 from photonormal.files import memory
 from photonormal.types import cores
 
+LOADED = (  # what measuring takes long to load, in any order
+    *("cv2", "numpy", "scipy.fft", "scipy.ndimage", "scipy.special", "torch", "trimesh"),
+    *(
+        "photonormal.job",
+        "photonormal.methods.engine",
+        "photonormal.methods.expected",
+        "photonormal.doctor.explanations",
+    ),
+)
 TRIES = 3  # of a capture whose process ends early
 EACH = memory.LEAST  # bytes that a process may use, at least
 OFTEN_S = 0.2  # between two words about how far a capture is
@@ -31,11 +43,31 @@ def how_many(jobs: int | None, captures: int) -> int:
     return min(captures, jobs or min(cores(), max(1, memory.allowed() // EACH)))
 
 
+@contextlib.contextmanager
+def processes(jobs: int | None = None) -> Iterator[Measured]:
+    """What measures captures in `jobs` processes of this machine; None: as many as cores and memory allow.
+
+    On Linux they come of one process that has loaded everything, and begins to in the meantime.
+    """
+    if _context().get_start_method() == "forkserver":
+        from multiprocessing import forkserver
+
+        multiprocessing.set_forkserver_preload(list(LOADED))
+        with _without_ctrl_c():
+            forkserver.ensure_running()
+    yield partial(run, jobs=jobs)
+
+
+def _context() -> Any:
+    """How processes begin. Elsewhere than on Linux, libraries of the system don't bear it to be copied."""
+    return multiprocessing.get_context("forkserver" if sys.platform == "linux" else "spawn")
+
+
 class Worker:
     """One process and the pipe to it."""
 
     def __init__(self, threads: int, nbytes: int) -> None:
-        context = multiprocessing.get_context("spawn")
+        context = _context()
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, threads, nbytes), daemon=True)
         with _without_ctrl_c():
@@ -159,16 +191,13 @@ def _answer(pipe: Connection, threads: int, nbytes: int) -> None:
 
 def began(threads: int) -> None:
     """What a process of a batch begins with: Ctrl-C is its parent's, whose SIGTERM ends it as cleanly."""
-    import cv2
-    import torch
 
     def end(number: int, frame: object) -> None:
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, end)
-    torch.set_num_threads(threads)
-    cv2.setNumThreads(threads)
+    use_threads(threads)
 
 
 def _end_with_parent() -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
@@ -43,11 +42,11 @@ class Going:
     def measured(self) -> AbstractContextManager[Measured]:
         """What measures the captures: processes of this machine, or a cluster's workers."""
         from photonormal.batch.cluster import cluster
-        from photonormal.batch.workers import run
+        from photonormal.batch.workers import processes
 
         if self.scheduler or self.workers:
             return cluster(self.scheduler, self.workers)
-        return nullcontext(partial(run, jobs=self.jobs))
+        return processes(self.jobs)
 
     def tells(self) -> Callable[..., None]:
         """What tells of events."""

@@ -1,10 +1,11 @@
 """Everything that photonormal writes: files that belong together appear at once, or not at all.
 
-`at_once` writes files of one folder, `write` one file; `recover` clears up what a killed run left in a folder;
-`refuse_taken` and `refuse_filled` tell before the work that a file or a folder can't be written.
+`at_once` writes files of one folder, `write` one file; `recover` clears up what a killed run left in a folder, and
+`in_use` tells whether another is at work there; `refuse_taken` and `refuse_filled` tell before the work that a file or
+a folder can't be written.
 """
 
-from photonormal.disk.batch import Batch, Inside, at_once, recover, write
+from photonormal.disk.batch import Batch, Inside, at_once, in_use, recover, write
 from photonormal.disk.journal import PARTIAL
 from photonormal.disk.locking import lock, uninterrupted
 from photonormal.disk.refusals import identities, refuse_filled, refuse_folder, refuse_taken, unwritable
@@ -15,6 +16,7 @@ __all__ = [
     "Inside",
     "at_once",
     "identities",
+    "in_use",
     "lock",
     "recover",
     "refuse_filled",

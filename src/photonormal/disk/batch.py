@@ -211,6 +211,12 @@ def recover(folder: Path) -> None:
         raise unwritable(folder, error, f" A run that was killed left {folder / PARTIAL} there.") from None
 
 
+def in_use(folder: Path) -> bool:
+    """Whether another process writes into a folder; what a killed run left there is cleared up."""
+    recover(folder)
+    return (folder / PARTIAL).is_dir()
+
+
 def _clear_up(journal: Journal) -> None:
     """Settle the journal of a run that was killed, and say so."""
     entries = journal.entries()

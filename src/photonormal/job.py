@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from photonormal.capture import UNKNOWN, files_read, lights_from, load, place_of, told
 from photonormal.export.folder import whole_folder
@@ -23,6 +24,9 @@ from photonormal.options import Frame, LightsFrom, Precision
 from photonormal.provenance import Made, inputs, made_by
 from photonormal.rig import AUTO, calibrate
 from photonormal.types import Capture, InputError
+
+if TYPE_CHECKING:
+    from photonormal.methods.contract import Solution
 
 PROVENANCE = "provenance"  # in a report
 WITHOUT_EFFECT = {"capture", "out", "method", "fast", "device", "overwrite"}  # on values, or told by `made`
@@ -96,12 +100,68 @@ def _made(method: str, lights: LightsFrom) -> Made:
     return made_by(name, options, lights)
 
 
-def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Part:
+    """What a process has found of some rows of a capture.
+
+    Parameters
+    ----------
+    solution : the method's
+    read : the files that were opened
+    seconds : that it took, reading included
+    """
+
+    solution: Solution
+    read: dict[Path, Stamp]
+    seconds: float
+
+
+def divided(job: Job, megapixels: float, count: int) -> list[slice]:
+    """The rows of a capture's frame, in `count` parts at most that other processes may solve; one part where the
+    photographs are no larger than so many megapixels, or can't be solved apart.
+
+    Raises
+    ------
+    InputError
+        If the capture can't be used.
+    """
+    from photonormal.methods.engine import parts
+
+    method, options = parse(job.how)
+    capture, reading, _ = _read(job, {})
+    small = capture.mask.size <= 1e6 * megapixels
+    if small or lights_from(reading.get("lights"), job.refine_lights) != "given":
+        return [slice(0, len(capture.mask))]
+    return parts.divided(configure(method, **options), capture, count)
+
+
+def solve_part(job: Job, rows: slice) -> Part:
+    """What the method finds of some rows of a capture.
+
+    Raises
+    ------
+    InputError
+        If the capture can't be used.
+    """
+    from photonormal.methods.engine import run
+    from photonormal.methods.engine.device import torch_device
+    from photonormal.methods.learned.processor import computing_in
+
+    start = time.perf_counter()
+    method, options = parse(job.how)
+    with noted() as opened, computing_in(job.precision):
+        capture, _, _ = _read(job, opened)
+        found = run(configure(method, **options), capture, torch_device(job.device), rows)
+    return Part(found, opened, time.perf_counter() - start)
+
+
+def carry_out(job: Job, read: dict[Path, Stamp] | None = None, parts: Sequence[Part] = ()) -> dict[str, Any]:
     """Measure a capture and write its result; returns the report, as written.
 
     Parameters
     ----------
     read : is told the files that are opened, also where this fails
+    parts : of all its rows, where other processes have solved them
 
     Raises
     ------
@@ -111,6 +171,8 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]
     read = {} if read is None else read
     method, options = parse(job.how)
     with noted() as opened:
+        for part in parts:
+            opened |= part.read
         try:
             K = read_camera(job.camera)
             capture, reading, extra = _read(job, opened)
@@ -128,7 +190,9 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None) -> dict[str, Any]
                     precision=job.precision,
                     materials=job.materials,
                     lights=lights_from(reading.get("lights"), job.refine_lights),
+                    parts=[part.solution for part in parts],
                 )
+                result.report["seconds"]["solve"] += round(sum(part.seconds for part in parts), 4)
                 for name, data in extra.files.items():
                     folder.write(name, data)
                 result.report["warnings"] += extra.notes

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from photonormal.resources import peak_mb
 from photonormal.scoring import score
 from photonormal.types import Capture, InputError, Result, box_of
 
+if TYPE_CHECKING:
+    from photonormal.methods.contract import Solution
+
 
 def measure(
     capture: Capture,
@@ -38,6 +41,7 @@ def measure(
     precision: Precision = "auto",
     lights: LightsFrom = "given",
     materials: bool = False,
+    parts: Sequence[Solution] = (),
 ) -> Result:
     """Normals, albedo and depth of one capture; nothing is written.
 
@@ -57,6 +61,8 @@ def measure(
         photographs show; "unknown": the capture's are not looked at, all is found from the photographs, intensities,
         too (`photonormal.methods.uncalibrated`)
     materials : whether to tell what the surface is made of (`photonormal.materials`), which takes lights
+    parts : what the method has found of rows of this capture, where other processes solved it
+        (`photonormal.methods.engine.parts`)
 
     Raises
     ------
@@ -75,6 +81,7 @@ def measure(
     from photonormal.methods.engine import on_mask, run, with_lights
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
+    from photonormal.methods.engine.parts import joined
     from photonormal.methods.learned.processor import computing_in, number_format
 
     where = torch_device(device)
@@ -104,7 +111,7 @@ def measure(
         warnings += [finding.message for finding in findings]
     with _stage("solve", seconds):
         with computing_in(precision):
-            found = run(solver, capture, where)
+            found = joined(parts, capture) if parts else run(solver, capture, where)
             computed_in = number_format(where) if solver.needs.reads == "stream" else None
         normals = on_mask(found, capture)
     lit = with_lights(capture, found)

@@ -8,11 +8,11 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
-from dataclasses import replace
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import photonormal
 from photonormal import progress
@@ -21,6 +21,7 @@ from photonormal.batch.state import record_failure, state_of
 from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, work
 from photonormal.disk import in_use
 from photonormal.files import memory
+from photonormal.job import Part, divided, solve_part
 from photonormal.provenance import Program, program
 from photonormal.types import InputError, cores
 
@@ -33,9 +34,24 @@ GPU = "GPU"  # resource of workers that have one: a capture takes one
 _one_at_a_time = threading.Lock()  # in a worker, whatever its number of threads
 
 
+class Split(NamedTuple):
+    """Which captures several workers solve, each some rows: those larger than `megapixels`, in `parts` at most."""
+
+    megapixels: float
+    parts: int
+
+
+@dataclass(frozen=True)
+class Large:
+    """A capture that several workers are to solve."""
+
+    rows: list[slice]
+
+
 @contextmanager
-def cluster(scheduler: str, workers: int | None) -> Iterator[Measured]:
-    """What measures captures on the workers of `scheduler`, or on `workers` processes of this machine.
+def cluster(scheduler: str, workers: int | None, split_megapixels: float | None = None) -> Iterator[Measured]:
+    """What measures captures on the workers of `scheduler`, or on `workers` processes of this machine; of captures
+    larger than `split_megapixels` each worker solves some rows.
 
     Raises
     ------
@@ -65,7 +81,7 @@ def cluster(scheduler: str, workers: int | None) -> Iterator[Measured]:
             client = Client(local)
         with client:
             _refuse_others(client)
-            yield partial(_run, client, nbytes)
+            yield partial(_run, client, nbytes, split_megapixels)
     finally:
         if local is not None:
             local.close()
@@ -108,7 +124,9 @@ def _other(there: Program | Exception) -> str:
     return f"has {there.version}" + " with other code or weights" * (there.version == photonormal.__version__)
 
 
-def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begun) -> Iterator[Outcome]:
+def _run(
+    client: Any, nbytes: int, megapixels: float | None, waiting: Sequence[Named], at: At, begun: Begun
+) -> Iterator[Outcome]:
     """What comes of the captures, as it comes."""
     from distributed import KilledWorker, as_completed
 
@@ -123,13 +141,18 @@ def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begu
             begun(name, where)
 
     client.subscribe_topic(TOPIC, heard)
-    on_gpus = any(GPU in w.get("resources", {}) for w in client.scheduler_info(n_workers=-1)["workers"].values())
-    resources = {GPU: 1} if on_gpus else None
-    futures = {
-        client.submit(_task, _absolute(n), program(), nbytes, pure=False, resources=resources): n for n in waiting
-    }
+    there = client.scheduler_info(n_workers=-1)["workers"].values()
+    resources = {GPU: 1} if any(GPU in w.get("resources", {}) for w in there) else None
+    split = megapixels and Split(megapixels, len(there))
+
+    def submit(task: Callable[..., Any], named: Named, *more: Any, priority: int = 0) -> Any:
+        words = _absolute(named), program(), nbytes, *more
+        return client.submit(task, *words, pure=False, resources=resources, priority=priority)
+
+    futures = {submit(_measure, named, split): named for named in waiting}
+    coming = as_completed(list(futures))
     try:
-        for future in as_completed(list(futures)):
+        for future in coming:
             named = futures.pop(future)
             try:
                 outcome = future.result()
@@ -148,7 +171,13 @@ def _run(client: Any, nbytes: int, waiting: Sequence[Named], at: At, begun: Begu
             except Exception as error:  # of a worker that has come without photonormal
                 failure = f"its worker can't measure: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
                 outcome = Outcome(named.name, 0.0, failure, "killed")
-            yield outcome
+            if isinstance(outcome, Large):  # before captures that have not begun
+                parts = [submit(_solve, named, rows, priority=1) for rows in outcome.rows]
+                whole = submit(_measure, named, None, parts, priority=1)
+                futures[whole] = named
+                coming.add(whole)
+            else:
+                yield outcome
     finally:
         client.unsubscribe_topic(TOPIC)
         client.cancel(list(futures))
@@ -173,31 +202,63 @@ def _absolute(named: Named) -> Named:
     return replace(named, job=job)
 
 
-def _task(named: Named, needed: Program, nbytes: int) -> Outcome:
-    """What a worker does with a capture; it may have come after the others were asked which photonormal they have."""
+def _measure(
+    named: Named, needed: Program, nbytes: int, split: Split | None, parts: Sequence[Part | Exception] = ()
+) -> Outcome | Large:
+    """What a worker does with a capture, or with what others have found of its rows. Where one of them has failed, it
+    does all by itself, and tells what fails again."""
+    try:
+        with _at_work(named, needed, nbytes, begins=not parts):
+            if split:
+                with suppress(Exception):  # which fails again
+                    rows = divided(named.job, *split)
+                    if len(rows) > 1:
+                        return Large(rows)
+            found = [part for part in parts if isinstance(part, Part)]
+            return work(named, found if len(found) == len(parts) else ())
+    except OtherProgram as error:
+        return Outcome(named.name, 0.0, str(error), "killed")
+
+
+def _solve(named: Named, needed: Program, nbytes: int, rows: slice) -> Part | Exception:
+    """What a worker does with some rows of a capture."""
+    try:
+        with _at_work(named, needed, nbytes, tells=rows.start == 0):
+            return solve_part(named.job, rows)
+    except Exception as error:
+        return error
+
+
+class OtherProgram(Exception):
+    """A worker has another photonormal."""
+
+
+@contextmanager
+def _at_work(named: Named, needed: Program, nbytes: int, begins: bool = False, tells: bool = True) -> Iterator[None]:
+    """A worker works on one thing at a time, and tells how far it is; OtherProgram if it has come with another
+    photonormal after the others were asked."""
     import torch
     from distributed import get_worker
 
     worker = get_worker()
     if program() != needed:
         there = f"worker {worker.address} {_other(program())}"
-        return Outcome(
-            named.name, 0.0, f"photonormal {needed.version} is needed but {there}; install the same there.", "killed"
-        )
+        raise OtherProgram(f"photonormal {needed.version} is needed but {there}; install the same there.")
     limit = worker.memory_manager.memory_limit  # pyright: ignore[reportAttributeAccessIssue]
     allowed = nbytes or (limit or 0) // 2
     told = 0.0
 
     def tell(title: str, done: int, total: int | None) -> None:
         nonlocal told
-        if time.monotonic() - told >= OFTEN_S:
+        if tells and time.monotonic() - told >= OFTEN_S:
             told = time.monotonic()
             worker.log_event(TOPIC, (named.name, worker.address, title, done, total))
 
     with _one_at_a_time:
         if allowed:
             memory.allow(f"{allowed // 10**6}MB")
-        worker.log_event(TOPIC, (named.name, worker.address))
+        if begins:
+            worker.log_event(TOPIC, (named.name, worker.address))
         progress.tell_to(tell)
         use_threads(torch.get_num_threads())
-        return work(named)
+        yield

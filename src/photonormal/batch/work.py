@@ -5,11 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from photonormal.batch.captures import Named
 from photonormal.batch.state import Kind, record_failure
 from photonormal.types import InputError, take_share
+
+if TYPE_CHECKING:
+    from photonormal.job import Part
 
 
 @dataclass(frozen=True)
@@ -45,15 +48,18 @@ def use_threads(count: int) -> None:
     take_share(count)
 
 
-def work(named: Named) -> Outcome:
-    """Measure one capture and write its result, or tell in its folder why that can't be."""
+def work(named: Named, parts: Sequence[Part] = ()) -> Outcome:
+    """Measure one capture and write its result, or tell in its folder why that can't be.
+
+    `parts`: what other processes have found of its rows.
+    """
     from photonormal.job import carry_out
     from photonormal.resources import reset_peak
 
     start, read = time.perf_counter(), {}
     reset_peak()
     try:
-        report = carry_out(named.job, read)
+        report = carry_out(named.job, read, parts)
     except InputError as error:
         kind, failure = "input", str(error)
     except MemoryError:

@@ -16,6 +16,7 @@ from photonormal.cli.kinds import Number, shown, tell
 from photonormal.cli.measuring import How, Written, of_job
 from photonormal.cli.photographs import Corrections, Files, Lights, Photographs, Read
 from photonormal.options import Positive
+from photonormal.types import InputError
 
 if TYPE_CHECKING:
     from photonormal.batch.work import Measured
@@ -34,6 +35,8 @@ class Going:
     """Let the workers of a Dask cluster measure, which see the same folders: tcp://192.168.1.2:8786."""
     workers: Number = None
     """Let so many workers of a Dask cluster on this machine measure."""
+    split_megapixels: Annotated[Positive | None, shown("MEGAPIXELS")] = None
+    """Let all workers of the cluster solve a capture whose photographs are larger, each some rows of it."""
     overwrite: bool = False
     """Measure again what was measured with other options, and write beside what is no result of photonormal."""
     json_lines: bool = False
@@ -45,7 +48,11 @@ class Going:
         from photonormal.batch.workers import processes
 
         if self.scheduler or self.workers:
-            return cluster(self.scheduler, self.workers)
+            return cluster(self.scheduler, self.workers, self.split_megapixels)
+        if self.split_megapixels:
+            raise InputError(
+                "--split-megapixels needs a cluster, whose workers share a capture; add --scheduler or --workers."
+            )
         return processes(self.jobs)
 
     def tells(self) -> Callable[..., None]:

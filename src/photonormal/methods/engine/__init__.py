@@ -12,8 +12,11 @@ from photonormal.methods.contract import Method, Solution, Solver, Streaming
 from photonormal.types import Capture, InputError, Normals
 
 
-def run(method: Method, capture: Capture, device: torch.device) -> Solution:
+def run(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
     """What a method knows of a capture's pixels on the mask, whether lights are distant or near; on the processor.
+
+    `rows`: of those that lie in some rows of the frame, as `parts.divided` gives them; the solutions of all such parts,
+    `parts.joined`, are that of the whole.
 
     Raises
     ------
@@ -24,8 +27,10 @@ def run(method: Method, capture: Capture, device: torch.device) -> Solution:
     if capture.lamps is not None and not method.needs.finds_lights:
         from photonormal.methods.engine.near import UnderLamps
 
-        return UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)
-    return under_distant_lights(method, capture, device)
+        found = UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)
+    else:
+        found = under_distant_lights(method, capture, device, rows)
+    return found if rows else not_dark(found, capture)
 
 
 def check(method: Method, capture: Capture) -> None:
@@ -42,17 +47,25 @@ def check(method: Method, capture: Capture) -> None:
         capture.known_lights()
 
 
-def under_distant_lights(method: Method, capture: Capture, device: torch.device) -> Solution:
-    """The same where no lamp is near."""
+def under_distant_lights(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
+    """The same where no lamp is near; zero for a pixel that no light reached."""
     from photonormal.methods.engine import halved, samples, stream
 
     with nullcontext() if method.needs.optimises else torch.inference_mode():
         if isinstance(method, Streaming):
-            found = (halved.halved if method.fast else stream.streamed)(method, capture, device)
-        else:
-            assert isinstance(method, Solver)
-            whole = method.needs.reads == "object"
-            found = (samples.whole_object if whole else samples.by_pixel)(method, capture, device)
+            return (
+                halved.halved(method, capture, device)
+                if method.fast
+                else stream.streamed(method, capture, device, rows)
+            )
+        assert isinstance(method, Solver)
+        if method.needs.reads == "object":
+            return samples.whole_object(method, capture, device)
+        return samples.by_pixel(method, capture, device, rows)
+
+
+def not_dark(found: Solution, capture: Capture) -> Solution:
+    """What was found of a whole capture, or InputError where no light reached any of its pixels."""
     if not (found.normals.norm(dim=-1) > 0.5).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     return found

@@ -48,34 +48,38 @@ def prior_named(name: str) -> Prior | None:
     return method()
 
 
-def first_look(scaling: str, capture: Capture, box: Box, device: torch.device, prior: Prior | None) -> FirstLook:
-    """One pass over the images, some rows at a time."""
+def first_look(
+    scaling: str, capture: Capture, box: Box, device: torch.device, prior: Prior | None, rows: slice | None = None
+) -> FirstLook:
+    """One pass over the images, some rows at a time. The prior is found where it is asked for: in `rows` of the box."""
     n = capture.images.shape[0]
     h, w = box.mask.shape
     N = torch.zeros(3, h, w, device=device)
     lit = torch.zeros(h, w, dtype=torch.bool, device=device)
     moments: list[Tensor] = []
     parts = _rows(box, plan.pixels(capture))
+    asked = rows or slice(0, h)
     with progress("a first look", len(parts) * n) as advance:
         for rows in parts:
+            start = prior if rows.start < asked.stop and asked.start < rows.stop else None
             seen = rows, slice(0, w)
             mask = box.mask[seen].to(device)
             inside = mask.flatten().nonzero()[:, 0]
-            I = torch.empty(len(inside), n if prior else 0, device=device)
+            I = torch.empty(len(inside), n if start else 0, device=device)
             found: Tensor | None = None
             for j, images in frames(capture, box, seen, device):
                 level = grey(images)[0, 0, 0]
                 lit[seen] |= level > 0
                 here = moment(scaling, images, mask[None, None])
                 found = here if found is None else found.add_(here)
-                if prior:
+                if start:
                     I[:, j] = level.flatten()[inside]
                 advance()
             assert found is not None
             share = mask.sum() / box.mask.sum().to(device)
             moments.append((found * share).nan_to_num(0) if found.numel() == 1 else found)
-            if prior:
-                N[:, *seen] = _normals(prior, I, box.lights(capture, seen).to(device), mask)
+            if start:
+                N[:, *seen] = _normals(start, I, box.lights(capture, seen).to(device), mask)
     if not (lit & box.mask.to(device)).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     N /= N.norm(dim=0, keepdim=True).clamp(min=1e-12)

@@ -21,8 +21,9 @@ from photonormal.progress import progress
 from photonormal.types import Capture, box_of
 
 
-def by_pixel(method: Solver, capture: Capture, device: torch.device) -> Solution:
+def by_pixel(method: Solver, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
     """What a method finds that treats each pixel by itself: rows by rows, and block by block of them."""
+    rows = rows or slice(0, len(capture.mask))
     dtype = torch.float64 if method.needs.double else torch.float32
     L = all_lights(capture, device, dtype)
 
@@ -34,8 +35,8 @@ def by_pixel(method: Solver, capture: Capture, device: torch.device) -> Solution
         return found.cpu()
 
     found = []
-    with progress("normals", int(capture.mask.sum())) as advance:
-        for band in bands(capture, L):
+    with progress("normals", int(capture.mask[rows].sum())) as advance:
+        for band in bands(capture, L, rows):
             band.levels.cut_(band.I)
             found += side_by_side(partial(solved, band), blocks(band.I.shape[0], band.I.shape[1], device), device)
     return Solution.joined(found)
@@ -66,12 +67,14 @@ class Band(NamedTuple):
     is_metallic: Callable[[], bool]
 
 
-def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[Band]:
-    """Some rows after the other."""
-    rows = row_bands(capture.mask, plan.pixels(capture))
+def bands(capture: Capture, L: Float[Tensor, "n 3"] | None, within: slice = slice(None)) -> Iterator[Band]:
+    """Some rows after the other, no more than those `within`."""
+    mask = np.zeros_like(capture.mask)
+    mask[within] = capture.mask[within]
+    rows, first = row_bands(mask, plan.pixels(capture)), int(capture.mask[: within.start or 0].sum())
     I = grey_levels(capture, rows[0])
     step = max(1, int(capture.mask.sum()) * I.shape[1] // READ)
-    some = I[::step].clone() if len(rows) == 1 else grey_levels(capture, step=step)
+    some = I[::step].clone() if len(I) == capture.mask.sum() else grey_levels(capture, step=step)
     levels = Levels.of(some)
     cut = levels.cut_(some)
 
@@ -80,7 +83,6 @@ def bands(capture: Capture, L: Float[Tensor, "n 3"] | None) -> Iterator[Band]:
         lights = lights_at(capture, slice(None, None, step), torch.device("cpu")) if L is None else L
         return metallic(cut, levels.lit(cut), lights)
 
-    first = 0
     for k, span in enumerate(rows):
         if k:
             del I  # before the next is read

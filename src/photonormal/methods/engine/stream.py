@@ -19,7 +19,7 @@ from photonormal.methods.engine import pixels, plan
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.prior import FirstLook, first_look, prior_named
 from photonormal.methods.engine.turns import turned, turned_map
-from photonormal.methods.engine.windows import Box, Window
+from photonormal.methods.engine.windows import Box, Window, rows_seen
 from photonormal.methods.inputs.scaling import scaled
 from photonormal.methods.learned.network import Network, placed
 from photonormal.methods.learned.processor import inner_precision
@@ -31,16 +31,15 @@ from photonormal.types import Capture, InputError
 SEEN = 2**21  # pixels, of all images together, that other devices than a processor encode at a time
 
 
-def streamed(method: Streaming, capture: Capture, device: torch.device) -> Solution:
-    """What a method's networks tell of a capture."""
+def streamed(method: Streaming, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
+    """What a method's networks tell of a capture, or of some rows of it."""
     first = None
     if (net := method.lights_network()) is not None:
         check(capture)
         first = guess(net, capture, device)
         capture = first.shown_by(capture)
-    found = measured(
-        method.network(), capture, device, method.rotations, prior=method.prior or None, passes=method.passes
-    )
+    net, prior = method.network(), method.prior or None
+    found = measured(net, capture, device, method.rotations, prior=prior, passes=method.passes, rows=rows)
     return found if first is None else replace(found, lights=first.lights, intensities=first.intensities)
 
 
@@ -52,6 +51,7 @@ def measured(
     side: int = 0,
     prior: str | None = None,
     passes: int = 1,
+    rows: slice | None = None,
 ) -> Solution:
     """What a network tells of a capture, on `device` (where it is moved).
 
@@ -61,6 +61,7 @@ def measured(
     side : of a window in pixels, without its margins; 0: what suits the device and the memory
     prior : a classical method in place of the one that the network learned with; "": none
     passes : how often the network looks; from the second time on its own normals are the prior
+    rows : of the frame, which alone are asked for; None: all
     """
     if rotations not in (1, 4):
         raise InputError(f"{rotations} rotations came but 1 or 4 is possible; quarter turns keep the pixels.")
@@ -72,19 +73,22 @@ def measured(
     n = capture.images.shape[0]
     side = -(-side // net.stride) * net.stride if side else plan.side(net, passes, rotations, device, box.mask.shape, n)
     with torch.inference_mode():
-        look = first_look(net.scaling, capture, box, device, start)
-        found: Tensor | None = None  # (d, h, w), on the processor
         # each pass reaches as far into what the pass before has found
-        windows = box.windows(side, passes * net.reach)
+        asked, margin = box.rows(rows), passes * net.reach
+        windows = box.windows(side, margin, asked)
+        look = first_look(net.scaling, capture, box, device, start, rows_seen(windows))
+        found: Tensor | None = None  # (d, h, w) of the rows asked for, on the processor
         seen = sum(box.count(window.narrowed(p * net.reach)) for window in windows for p in range(1, passes + 1))
         with progress("normals", seen * n) as advance:
             for window in windows:
                 part = looked(net, capture, box, look, window, device, rotations, passes, advance)
-                found = torch.zeros(len(part), *box.mask.shape) if found is None else found
-                found[:, *window.core] = part
+                if found is None:
+                    found = torch.zeros(len(part), asked.stop - asked.start, box.mask.shape[1])
+                core, columns = window.core
+                found[:, core.start - asked.start : core.stop - asked.start, columns] = part
         assert found is not None  # a mask has pixels
-        found[:3] *= look.lit.cpu()
-        values = box.on_mask(found)  # (p, d)
+        found[:3] *= look.lit[asked].cpu()
+        values = found[:, box.mask[asked]].T  # (p, d)
     return Solution(values[:, :3].clone(), values[:, 3].clone() if len(found) > 3 else None)
 
 

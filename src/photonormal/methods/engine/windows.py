@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -68,18 +69,30 @@ class Box:
         """What is known of the mask's pixels, row by row."""
         return values[:, self.mask].T
 
-    def windows(self, tile: int, margin: int) -> list[Window]:
-        """The parts of the box, each `tile` pixels a side, with `margin` pixels around; none without a mask pixel.
+    def rows(self, rows: slice | None) -> slice:
+        """Some rows of the frame, or all, as rows of the box."""
+        if rows is None:
+            return slice(0, len(self.mask))
+        first, last = (max(0, row - self.top) for row in (rows.start, rows.stop))
+        return slice(first, last if self.mask[last:].any() else len(self.mask))
+
+    def windows(self, tile: int, margin: int, rows: slice | None = None) -> list[Window]:
+        """The parts of the box, or of some of its rows, each `tile` pixels a side at most, with `margin` pixels around;
+        none without a mask pixel.
 
         A box that is less than two margins larger than a tile is one part.
         """
         h, w = self.mask.shape
+        rows = rows or slice(0, h)
         tile_h, tile_w = (s if s <= tile + 2 * margin else tile for s in (h, w))
         found = []
         for y in range(0, h, tile_h):
             for x in range(0, w, tile_w):
-                core = slice(y, min(y + tile_h, h)), slice(x, min(x + tile_w, w))
-                if self.mask[core].any():
+                core = (
+                    slice(max(y, rows.start), min(y + tile_h, rows.stop)),
+                    slice(x, min(x + tile_w, w)),
+                )
+                if core[0].start < core[0].stop and self.mask[core].any():
                     found.append(Window(core, (slice(0, h), slice(0, w))).narrowed(margin))
         return found
 
@@ -107,6 +120,11 @@ class Window:
     def inside(self) -> Span:
         """Where the core lies in what is seen."""
         return _offset(self.core, self.seen)
+
+
+def rows_seen(windows: Sequence[Window]) -> slice:
+    """The rows that any of some windows sees."""
+    return slice(min(w.seen[0].start for w in windows), max(w.seen[0].stop for w in windows))
 
 
 def _offset(inner: Span, outer: Span) -> Span:

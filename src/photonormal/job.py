@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
@@ -23,7 +23,7 @@ from photonormal.methods import DEFAULT, configure, parse
 from photonormal.options import Frame, LightsFrom, Precision
 from photonormal.provenance import Made, inputs, made_by
 from photonormal.rig import AUTO, calibrate
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture, InputError, Result
 
 if TYPE_CHECKING:
     from photonormal.methods.contract import Solution
@@ -155,13 +155,19 @@ def solve_part(job: Job, rows: slice) -> Part:
     return Part(found, opened, time.perf_counter() - start)
 
 
-def carry_out(job: Job, read: dict[Path, Stamp] | None = None, parts: Sequence[Part] = ()) -> dict[str, Any]:
+def carry_out(
+    job: Job,
+    read: dict[Path, Stamp] | None = None,
+    parts: Sequence[Part] = (),
+    beside: Callable[[Result], Mapping[str, bytes]] = lambda result: {},
+) -> dict[str, Any]:
     """Measure a capture and write its result; returns the report, as written.
 
     Parameters
     ----------
     read : is told the files that are opened, also where this fails
     parts : of all its rows, where other processes have solved them
+    beside : gives more files of the result, of `photonormal.export.folder.NAMES`, by name
 
     Raises
     ------
@@ -193,7 +199,7 @@ def carry_out(job: Job, read: dict[Path, Stamp] | None = None, parts: Sequence[P
                     parts=[part.solution for part in parts],
                 )
                 result.report["seconds"]["solve"] += round(sum(part.seconds for part in parts), 4)
-                for name, data in extra.files.items():
+                for name, data in (extra.files | dict(beside(result))).items():
                     folder.write(name, data)
                 result.report["warnings"] += extra.notes
                 about = told(job.capture, reading, capture) | {PROVENANCE: job.provenance(opened)}

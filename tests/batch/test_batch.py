@@ -101,6 +101,15 @@ def test_measure_and_batch_make_the_same(season, tmp_path, here, batch, capsys):
     assert "0 measured, 3 were done" in batch()[1]
 
 
+def test_each_result_has_a_page_that_its_row_opens(season, tmp_path, here, batch):
+    batch()
+    results = tmp_path / "results"
+    assert rows(results)["vase-1"]["page"] == "vase-1/view.html"
+    assert 'href="vase-1/view.html"' in (results / "index.html").read_text()
+    page = (results / "vase-1" / "view.html").read_text()
+    assert '"tile/0/normals/0/0/0":' in page and "`photonormal view` shows all" in page
+
+
 def test_a_result_stays_when_its_photographs_break(season, tmp_path, here, batch):
     results = tmp_path / "results"
     batch()

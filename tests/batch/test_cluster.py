@@ -9,13 +9,17 @@ import numpy as np
 import pytest
 
 import photonormal as pn
+from photonormal import progress, types
 from photonormal.batch import cluster
 from photonormal.batch.captures import jobs
+from photonormal.batch.state import state_of
 from photonormal.disk import at_once
-from photonormal.job import Job, carry_out
+from photonormal.job import Job, carry_out, solve_part
+from photonormal.methods.engine import parts
 from photonormal.provenance import Program, program
 from photonormal.types import InputError
 from tests.batch.conftest import WORDS, cut, normals
+from tests.scenes import lambertian, ring, sphere, write_diligent
 
 pytest.importorskip("distributed")
 COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import main; sys.exit(main())"]
@@ -40,6 +44,37 @@ def test_a_scheduler_that_does_not_answer_is_one_line(season, tmp_path, batch, m
     assert (code, out, err.count("\n")) == (2, "", 1) and "tcp://127.0.0.1:1 does not answer within 0.5 s" in err
     assert "came but an address such as" in batch("--scheduler", "here")[2]
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize("broken", [False, True])
+def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeypatch, broken):
+    from distributed import Client
+
+    monkeypatch.setattr(parts, "STEP", 16)
+    monkeypatch.setattr(progress, "_told", None)
+    monkeypatch.setattr(types, "_share", None)
+    solved = []
+    monkeypatch.setattr(cluster, "solve_part", lambda job, rows: solved.append(rows) or solve_part(job, rows))
+    write_diligent(tmp_path / "vase", lambertian(sphere(64), ring(5, 60)))
+    if broken:
+        cut(tmp_path / "vase" / "003.png")
+    found = jobs([str(tmp_path / "vase")], tmp_path / "results", Job(Path(), Path(), method="trimmed"), {})
+    begun = []
+    with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as client:
+        (outcome,) = cluster._run(client, 0, 0.001, found, lambda *_: None, lambda *words: begun.append(words))
+    assert sorted(rows.start for rows in solved) == [0, 37] and outcome.name == "vase"  # 32 below the top of the sphere
+    if broken:  # it is measured by one, as if it were small, and its files are known
+        assert outcome.kind == "input" and "003.png is truncated" in outcome.failure
+        assert state_of(found[0].job).kind == "failed"
+        return
+    whole = pn.solve(pn.load(tmp_path / "vase"), "trimmed")
+    assert np.abs(normals(tmp_path / "results", "vase") - whole.map).max() < 1e-6
+    assert state_of(found[0].job).kind == "done"
+
+
+def test_captures_are_shared_by_the_workers_of_a_cluster_alone(season, tmp_path, batch):
+    code, out, err = batch("--split-megapixels", "10")
+    assert (code, out, err.count("\n")) == (2, "", 1) and "needs a cluster" in err
 
 
 class Workers:

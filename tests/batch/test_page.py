@@ -9,7 +9,7 @@ from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
 EVIL = "<img src=x onerror=attacked()>"
 ROWS = [
     Row("b", "failed", failure=f"{EVIL} is truncated"),
-    Row(EVIL, "done", "", 900, 12, 3.5, None, 0, 1, f"{EVIL} is dark", 1.5, 300.0, "woodham"),
+    Row(EVIL, "done", "", 900, 12, 3.5, None, 0, 1, f"{EVIL} is dark", 1.5, 300.0, "woodham", page=f"{EVIL}/view.html"),
     Row("a 10", "done", "", 1000, 9, 11.0, 2.0, 1, 2, "lights are turned", 0.5, 310.0, "woodham"),
     Row("a 9", "done", "", 100, 9, 1.0, 2.0, 0, 0, "", 2.5, 310.0, "woodham"),
     Row("z", "not begun"),
@@ -43,3 +43,9 @@ def test_what_failed_is_told_on_top_and_nothing_where_nothing_did():
     text = page(ROWS, "season").decode()
     assert text.index("1 failed</h2>") < text.index("<table>") and "attacked()>" not in text
     assert 'id="failures"' not in page(ROWS[1:], "season").decode()
+
+
+def test_a_row_opens_the_page_of_its_result_or_its_picture():
+    text = page(ROWS, "season").decode()
+    assert 'href="%3Cimg%20src%3Dx%20onerror%3Dattacked%28%29%3E/view.html"' in text
+    assert 'href="a%209/preview.png"' in text and 'href="z/"' in text

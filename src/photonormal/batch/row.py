@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+PAGE = "view.html"  # in the folder of a result
+
 
 @dataclass(frozen=True)
 class Row:
@@ -24,3 +26,4 @@ class Row:
     method: str = ""
     version: str = ""
     source: str = ""
+    page: str = ""  # that shows the result, below the folder of the batch

@@ -11,7 +11,7 @@ from typing import Any, NotRequired, TypedDict
 
 from photonormal.batch.captures import natural
 from photonormal.batch.page import page
-from photonormal.batch.row import Row
+from photonormal.batch.row import PAGE, Row
 from photonormal.batch.state import Failure
 from photonormal.export.folder import MARKER, REPORT, report, whole_folder
 from photonormal.stored import read_json
@@ -47,6 +47,7 @@ class Reported(TypedDict):
     written_by: str
     failed: NotRequired[Failure]
     source: NotRequired[str]
+    files: NotRequired[dict[str, int]]
     method: NotRequired[str]
     photonormal: NotRequired[str]
     pixels: NotRequired[Pixels]
@@ -115,6 +116,7 @@ def row(name: str, folder: Path) -> Row:
         told.get("method", ""),
         told.get("photonormal", ""),
         told.get("source", ""),
+        f"{name}/{PAGE}" if PAGE in told.get("files", {}) else "",
     )
 
 

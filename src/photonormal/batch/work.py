@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from photonormal.batch.captures import Named
+from photonormal.batch.row import PAGE
 from photonormal.batch.state import Kind, record_failure
 from photonormal.types import InputError, take_share
 
@@ -55,11 +56,12 @@ def work(named: Named, parts: Sequence[Part] = ()) -> Outcome:
     """
     from photonormal.job import carry_out
     from photonormal.resources import reset_peak
+    from photonormal.view.show import small_page
 
     start, read = time.perf_counter(), {}
     reset_peak()
     try:
-        report = carry_out(named.job, read, parts)
+        report = carry_out(named.job, read, parts, lambda result: {PAGE: small_page(result, named.name)})
     except InputError as error:
         kind, failure = "input", str(error)
     except MemoryError:

@@ -21,7 +21,7 @@ NAMES = (  # of the files of a result, of `measure`, `check` and `batch`
     *("base_colour.png", "roughness.png", "metalness.png", "specular.png", "material_known.png"),
     *("lights.lp", "light_intensities.txt", REPORT),
     *("sphere.lp", "sphere.json", "sphere_spheres.png"),  # of a calibration
-    *("summary.csv", "summary.parquet", "index.html"),  # of a batch
+    *("summary.csv", "summary.parquet", "index.html", "view.html"),  # of a batch
 )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Lock
 from typing import Any, NotRequired, TypedDict
@@ -22,7 +22,7 @@ from photonormal.lighting import under
 from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
 from photonormal.scoring import error_map_deg
 from photonormal.stored import read_json
-from photonormal.types import Capture, InputError, box_of
+from photonormal.types import Capture, InputError, Normals, Surface, box_of
 from photonormal.view.planes import Plane, degrees_plane, height_plane, normals_plane, plane
 
 AGAIN = "measure again"
@@ -128,47 +128,75 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
     folder = Path(folder)
     report = report_of(folder)
     normals = load_normals(folder)
-    box = box_of(normals.mask, MARGIN)
-    map = normals.map[box]
-    shape = map.shape[:2]
-    layers = {"normals": normals_plane(map)}
-    about: dict[str, Any] = {}
-    albedo = read_albedo(folder / "albedo.png") if (folder / "albedo.png").is_file() else None
-    if albedo is not None:
+    albedo = surface = None
+    if (folder / "albedo.png").is_file():
+        albedo = read_albedo(folder / "albedo.png")
         _same_size(folder / "albedo.png", albedo.shape, normals.mask.shape)
-        layers["albedo"] = plane("colour", display(albedo[box]))
     if (folder / "depth.npz").is_file():
         surface = read_depth(folder / "depth.npz")
         _same_size(folder / "depth.npz", surface.depth.shape, normals.mask.shape)
-        layers["height"], low, step = height_plane(heights_px(surface)[box])
+    photographs, missing = photographs_of(report, capture, normals.mask.shape)
+    if mm_per_px is None:
+        mm_per_px = mm_per_px_of(report, folder)
+    name = report.get("capture") or folder.resolve().name
+    truth = None if photographs is None else photographs.truth
+    shown = shown_of(name, normals, albedo, surface, truth, report, mm_per_px)
+    shown.about["notes"] += [] if missing is None else [missing]
+    return replace(shown, photographs=_add_photographs(shown.about, photographs, box_of(normals.mask, MARGIN)))
+
+
+def shown_of(
+    name: str,
+    normals: Normals,
+    albedo: np.ndarray | None,
+    surface: Surface | None,
+    truth: Normals | None,
+    report: Report | dict[str, Any],
+    mm_per_px: float | None,
+    white: float = 1.0,
+    every: int = 1,
+) -> Shown:
+    """What a measurement gave, without its photographs.
+
+    Parameters
+    ----------
+    albedo : (h, w, 1 or 3) linear, shown white where it is `white`
+    every : of so many rows and columns only one is shown
+    """
+    whole = box_of(normals.mask, MARGIN)
+    box = slice(whole[0].start, whole[0].stop, every), slice(whole[1].start, whole[1].stop, every)
+    map = normals.map[box]
+    layers = {"normals": normals_plane(map)}
+    about: dict[str, Any] = {}
+    if albedo is not None:
+        layers["albedo"] = plane("colour", display(np.broadcast_to(albedo[box] / np.float32(white), map.shape)))
+    if surface is not None:
+        heights = heights_px(Surface(surface.depth[box], surface.mask[box], surface.K)) / every
+        layers["height"], low, step = height_plane(heights)
         about["relief"] = {"low": low, "step": step}
     if normals.expected_error_deg is not None:
         layers["expected"] = degrees_plane(normals.expected_error_deg[box])
-    photographs, missing = photographs_of(report, capture, normals.mask.shape)
-    if photographs is not None and photographs.truth is not None:
-        error = error_map_deg(normals, photographs.truth)
+    if truth is not None:
+        error = error_map_deg(normals, truth)
         layers["error"] = degrees_plane(error[box])
         about["mean_error_deg"] = round(float(np.nanmean(error)), 2)
-    if mm_per_px is None:
-        mm_per_px = mm_per_px_of(report, folder)
-    name = f"{report.get('capture') or folder.resolve().name}, {report.get('method') or 'normals'}"
     about |= {
-        "title": name,
+        "title": f"{name}, {report.get('method') or 'normals'}",
         "method": report.get("method", ""),
         "lamps": report.get("lights", 0),
-        "width": shape[1],
-        "height": shape[0],
-        "origin": [box[1].start, box[0].start],
+        "width": map.shape[1],
+        "height": map.shape[0],
+        "origin": [whole[1].start, whole[0].start],
         "sizes": [[level.shape[1], level.shape[0]] for level in layers["normals"].levels],
         "layers": {key: p.kind for key, p in layers.items()},
         "first": 0,
         "first_photograph": 0,
-        "mm_per_px": mm_per_px,
+        "mm_per_px": mm_per_px and mm_per_px * every,
         "expected_error_deg": report.get("expected_error_deg"),
         "photographs": [],
-        "notes": [] if missing is None else [missing],
+        "notes": [],
     }
-    return Shown(name, layers, about, _add_photographs(about, photographs, box))
+    return Shown(about["title"], layers, about, None)
 
 
 def report_of(folder: Path) -> Report:

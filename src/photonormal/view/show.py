@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import base64
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from photonormal.capture.images import MARGIN
 from photonormal.disk import refuse_taken, write
-from photonormal.types import InputError
+from photonormal.export.result import brightest
+from photonormal.types import InputError, Result, box_of
 from photonormal.view.page import document, ramp, read
 from photonormal.view.planes import SIDE, evenly, units
-from photonormal.view.result import Shown, open_result
+from photonormal.view.result import Shown, open_result, shown_of
 
 SCRIPTS = (
     *("base", "source", "gl", "shading", "tiles", "picture", "surface", "light", "measure"),
     *("view", "labels", "input", "pointer", "plain"),
 )
 FILE_PIXELS = 6e6  # of a result inside one file; larger ones are reduced
+SMALL_PIXELS = 1e6  # inside a page of a batch
 PHOTOGRAPHS = 12  # inside one file
 PHOTOGRAPH_SIDE = 1024  # pixels of the longest side of them
 
@@ -77,9 +81,27 @@ def export_page(
             *about["notes"],
             f"This file holds the result at 1/{reduced} of its size; `photonormal view` shows all of it.",
         ]
-    tiles = {f"tile/0/{path}": base64.b64encode(tile).decode() for path, tile in _tiles(shown, about)}
-    write(out, result_page([about], tiles).encode())
+    write(out, _one_file(shown, about))
     return out, reduced
+
+
+def small_page(result: Result, name: str) -> bytes:
+    """The page of a result that is not written yet, as one small file: without photographs, and of a result above
+    SMALL_PIXELS some rows and columns only."""
+    rows, columns = (s.stop - s.start for s in box_of(result.normals.mask, MARGIN))
+    every = math.ceil(math.sqrt(rows * columns / SMALL_PIXELS))
+    capture, white = result.capture, brightest(result)
+    unit = None if capture.camera is None else capture.camera.mm_per_px
+    maps = result.normals, result.albedo, result.surface, capture.truth
+    shown = shown_of(name, *maps, result.report, unit, white, every)
+    part = "" if every == 1 else f"one of {every} rows and columns of "
+    shown.about["notes"].append(f"This file holds {part}the result; `photonormal view` shows all, and the photographs.")
+    return _one_file(shown, shown.about)
+
+
+def _one_file(shown: Shown, about: dict[str, Any]) -> bytes:
+    tiles = {f"tile/0/{path}": base64.b64encode(tile).decode() for path, tile in _tiles(shown, about)}
+    return result_page([about], tiles).encode()
 
 
 def _tiles(shown: Shown, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:

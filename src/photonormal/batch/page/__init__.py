@@ -62,12 +62,13 @@ def _row(row: Row) -> str:
     folder = quote(os.fsencode(row.capture))
     kinds = " ".join(_kinds(row))
     made = row.pixels is not None
-    files = {"preview": "preview.png", "normals": "normals.png", "report": "report.json"} if made else {}
+    files = {"preview": "preview.png", "normals": "normals.png", "report": "report.json", "files": ""} if made else {}
     links = " ".join(f'<a href="{folder}/{file}">{name}</a>' for name, file in files.items())
     image = f'<img loading="lazy" src="{folder}/thumbnail.png" alt="{SHOWN}">'
-    picture = f'<a href="{folder}/preview.png">{image}</a>' if made else ""
+    opened = quote(os.fsencode(row.page)) if row.page else f"{folder}/preview.png" if made else f"{folder}/"
+    picture = f'<a href="{opened}">{image}</a>' if made else ""
     cells = [
-        f'<th scope="row"><a href="{folder}/">{escape(row.capture)}</a><small>{links}</small></th>',
+        f'<th scope="row"><a href="{opened}">{escape(row.capture)}</a><small>{links}</small></th>',
         f"<td>{picture}</td>",
         _degrees(row.expected_error_deg),
         _number(row.error_deg, 2),

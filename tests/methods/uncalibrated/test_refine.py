@@ -52,7 +52,7 @@ def test_random_errors_of_five_degrees_are_mended(true):
 
 
 def test_halfway_vectors_are_told_and_doubled(true):
-    halfway = normalised(true.lights + [0, 0, 1])
+    halfway = normalised(true.lights + np.array([0, 0, 1]))
     found = refined(replace(true, lights=shaken(halfway, 2)))
     assert score_lights(found.lights, true.lights).mean_deg < 1.5 and "halfway" in found.notes[0]
     assert not refined(replace(true, lights=shaken(true.lights, 8))).notes

@@ -51,5 +51,5 @@ def test_others_are_named_once():
 
 
 def test_rows_are_of_methods_that_exist_or_will():
-    learned = {"lambertian-prior", "psfcn", "psfcn-normalised"}
+    learned = {"lambertian-prior", "psfcn", "psfcn-normalised", "attention-psn", "dr-psn", "gps-net"}
     assert {r.method for r in published()} - {""} <= set(METHODS) | learned | {"ward"}

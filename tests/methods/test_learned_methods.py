@@ -7,7 +7,10 @@ import pytest
 import torch
 
 from photonormal.methods.engine import on_mask, run
+from photonormal.methods.learned.attentionpsn import AttentionPSN, AttentionPSNConfig, AttentionPSNNet
 from photonormal.methods.learned.cnnps import CNNPS, CNNPSConfig, CNNPSNet
+from photonormal.methods.learned.drpsn import DRPSN, DRPSNConfig, DRPSNNet
+from photonormal.methods.learned.gpsnet import GPSNet, GPSNetConfig, GPSNetMethod
 from photonormal.methods.learned.lambertian_prior import LambertianPrior, LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.lightsnet import LightsConfig, LightsNet
 from photonormal.methods.learned.lmps import LMPS, LMPSConfig, LMPSNet
@@ -24,6 +27,9 @@ CPU = torch.device("cpu")
 SMALL = {
     LambertianPrior: ("lambertian-prior", lambda: LambertianPriorNet(LambertianPriorConfig(width=8))),
     NormalNetMethod: ("normalnet", small),
+    AttentionPSN: ("attention-psn", lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1))),
+    DRPSN: ("dr-psn", lambda: DRPSNNet(DRPSNConfig(width=8))),
+    GPSNetMethod: ("gps-net", lambda: GPSNet(GPSNetConfig(filters=8, order=8, width=8))),
     PSFCN: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8))),
     CNNPS: ("cnn-ps", lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8))),
     LMPS: ("lmps", lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8))),

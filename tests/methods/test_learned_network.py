@@ -2,12 +2,17 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
+from numpy.polynomial.chebyshev import chebval
 
 from photonormal.methods.inputs.maps import about_view
 from photonormal.methods.inputs.scaling import moment, scaled
+from photonormal.methods.learned.attentionpsn import AttentionPSNConfig, AttentionPSNNet
 from photonormal.methods.learned.cnnps import CNNPSConfig, CNNPSNet
+from photonormal.methods.learned.drpsn import DRPSNConfig, DRPSNNet
+from photonormal.methods.learned.gpsnet import Filters, GPSNet, GPSNetConfig
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.network import parameters
@@ -39,6 +44,10 @@ NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
     lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)),
     lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8)),
+    lambda: GPSNet(GPSNetConfig(filters=8, order=8, width=8)),
+    lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1)),
+    lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=2, deep=3)),
+    lambda: DRPSNNet(DRPSNConfig(width=4)),
 ]
 
 
@@ -141,6 +150,59 @@ def test_nothing_beyond_its_reach_changes_a_normal(make):
         N, N2 = net(images, lights, prior), net(images2, lights, prior2)
     torch.testing.assert_close(N[..., :column], N2[..., :column], atol=1e-6, rtol=0)
     assert (N - N2).abs().max() > 1e-4
+
+
+def test_a_leaf_is_weighed_by_a_chebyshev_series_of_its_relation():
+    torch.manual_seed(0)
+    net = Filters(filters=3, order=6)
+    x = torch.randn(2, 5, 4)
+    with torch.no_grad():
+        r = net.relation(x)[..., 0].numpy()
+        V = net.V.weight.unflatten(1, (6, 4)).numpy()  # (filters, order, 4)
+        weights = np.stack([chebval(r, V[f]) for f in range(3)], -1)  # (4, p, k, filters)
+        np.testing.assert_allclose(net(x), np.einsum("cpkf,pkc->pkf", weights, x), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("make", "channels"),
+    [
+        (lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1)), 1),
+        (lambda: DRPSNNet(DRPSNConfig(width=4, rendered=2)), 2 * 3),
+    ],
+)
+def test_what_only_a_loss_needs_follows_the_normals_in_training_alone(make, channels):
+    torch.manual_seed(0)
+    net, (images, lights, prior) = make(), observations()
+    with torch.no_grad():
+        learning, measuring = net.train()(images, lights, prior), net.eval()(images, lights, prior)
+    assert measuring.shape == (2, 3, 16, 24) and learning.shape == (2, 3 + channels, 16, 24)
+    torch.testing.assert_close(learning[:, :3], measuring)
+
+
+def test_attention_is_told_from_edges_alone():
+    torch.manual_seed(0)
+    attention = AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1)).attention
+    images = torch.full((1, 3, 3, 40, 40), 0.5)
+    images[:, 1, :, :, 20:] = 1  # one of three shows an edge
+    with torch.no_grad():
+        P = attention(images)[0, 0]
+    assert P.min() == 0 and P.max() == 1
+    flat, edge = P[10:30, 8:12], P[10:30, 16:24]  # out of reach of the border
+    assert flat.std() < 1e-4 < 1e-2 < edge.std()
+
+
+def test_images_rendered_back_change_with_their_light_alone():
+    torch.manual_seed(0)
+    net, (images, lights, prior) = DRPSNNet(DRPSNConfig(width=4)), observations()
+    others = lights.clone()
+    others[:, 1] = lights[:, 0]
+    with torch.no_grad():
+        N = net(images, lights, prior)[:, :3]
+        common = net.encode(images, lights, None).maximum
+        a, b = net.back(N, lights, common), net.back(N, others, common)
+    torch.testing.assert_close(a[:, 2:], b[:, 2:])
+    torch.testing.assert_close(b[:, 0], b[:, 1])
+    assert (a[:, 1] - b[:, 1]).abs().max() > 1e-3
 
 
 def test_the_prior_matters_only_where_it_enters():

@@ -10,6 +10,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ TINY = Recipe(
     turns=True, reuse=2, ring=3, validate=6,
 )  # fmt: skip
 SMALL = {"hidden": 16, "features": 16, "width": 16}  # of normalnet
+PLAIN: Any = SimpleNamespace(memory=0, teaches="")  # a network that tells normals alone
 ROOT = Path(__file__).parents[2]
 
 
@@ -226,6 +228,39 @@ def test_other_ways_of_learning_are_better_than_the_prior_too(tmp_path, changes)
     assert found["mean_deg"] < 0.9 * found["prior_deg"], found
 
 
+@pytest.mark.parametrize(
+    ("network", "config"),
+    [
+        ("gps-net", {"filters": 8, "order": 8, "width": 8}),
+        ("attention-psn", {"width": 8, "shallow": 1, "deep": 1}),
+        ("dr-psn", {"width": 8, "rendered": 2}),
+    ],
+)
+def test_the_networks_of_the_tables_learn_in_the_same_loop(tmp_path, network, config):
+    recipe = replace(TINY, network=network, config=config, images=(5, 5), priors=(), lr=5e-3, steps=60, validate=100)
+    net = load(run(tmp_path, recipe), network)
+    first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")
+    assert last["loss"] < first["loss"] and net.config.width == 8
+
+
+def test_edges_are_learned_from_changes_and_all_else_from_normals():
+    g = torch.Generator().manual_seed(0)
+    truth, e = torch.randn(2, 3, 6, 7, generator=g), torch.rand(2, 6, 7, generator=g)
+    none, all_ = torch.zeros(2, 6, 7), torch.ones(2, 6, 7)
+    wrong = truth + torch.randn(truth.shape, generator=g)
+    torch.testing.assert_close(objective.attended(e, wrong, truth, none), objective.EVEN * e)
+    inside = objective.attended(e, truth + 0.5, truth, all_)[:, 1:-1, 1:-1]
+    torch.testing.assert_close(inside, torch.zeros_like(inside))  # all alike wrong: nothing changes otherwise
+    assert (objective.attended(e, wrong, truth, all_) > 0).all()
+
+
+def test_images_rendered_back_as_they_were_cost_nothing():
+    images = torch.rand(2, 5, 3, 4, 4, generator=torch.Generator().manual_seed(0))
+    first = images[:, :2].flatten(1, 2)  # two of the five
+    assert not objective.rendered_wrong(first, images).any()
+    torch.testing.assert_close(objective.rendered_wrong(first + 0.5, images), torch.full((2, 4, 4), 0.25))
+
+
 def test_a_chord_is_the_angle_where_it_is_small():
     class Fabric:
         all_reduce = staticmethod(lambda x, reduce_op: x)
@@ -238,7 +273,7 @@ def test_a_chord_is_the_angle_where_it_is_small():
         mask = torch.zeros(1, 1, 1, 3, dtype=torch.bool)
         mask[..., i] = True
         seen = Observed(N, N, N, truth, mask, N)
-        found = float(objective.of_normals(lambda images, *rest: images, seen, recipe, 0, 1, Fabric))
+        found = float(objective.of_normals(lambda images, *rest: images, PLAIN, seen, recipe, 1, Fabric))
         chord = 2 * np.sin(np.radians(deg) / 2)
         assert found == pytest.approx(np.hypot(chord, objective.CLOSE) - objective.CLOSE, abs=1e-4)
 

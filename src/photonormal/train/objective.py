@@ -7,6 +7,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from photonormal.methods.inputs.edges import gradient
 from photonormal.methods.learned.lightsnet import told_wrong
 from photonormal.methods.learned.network import Model, Network
 from photonormal.train.observe import Observed
@@ -14,29 +15,51 @@ from photonormal.train.recipes import Recipe
 
 CLOSE = 0.02  # chord, about a degree, below which the loss is quadratic
 DOUBT = 0.1  # weight of the loss of expected errors, which moves no normal
+EVEN = 8.0  # weight of the normals' error where no edge is, against that of their changes where one is
+RENDERED = 0.1  # weight of the images that are rendered back
 BINS = 0.1  # weight of the cross-entropy of a light's bins, beside the error of their means
 
 
 def error(model: Any, net: Model, seen: Observed, recipe: Recipe, passes: int, fabric: Any) -> Tensor:
     """The loss of a batch; `model` is the network `net` as Fabric calls it."""
     if isinstance(net, Network):
-        return of_normals(model, seen, recipe, net.memory, passes, fabric)
+        return of_normals(model, net, seen, recipe, passes, fabric)
     return of_lights(model, seen)
 
 
-def of_normals(model: Any, seen: Observed, recipe: Recipe, memory: int, passes: int, fabric: Any) -> Tensor:
+def of_normals(model: Any, net: Network, seen: Observed, recipe: Recipe, passes: int, fabric: Any) -> Tensor:
     """Mean loss over the mask's pixels; its mean over the processes is the mean over all their pixels."""
     found = model(seen.images, seen.lights, seen.prior, passes)  # (passes b, d, h, w)
     truth, mask = seen.normals.repeat(passes, 1, 1, 1), seen.mask.repeat(passes, 1, 1, 1)
-    e = 1 - (found[:, :3] * truth).sum(1)  # (passes b, h, w)
+    N, told = found[:, :3], found[:, 3 + net.memory :]
+    e = 1 - (N * truth).sum(1)  # (passes b, h, w)
     squared = 2 * e.clamp(min=0)  # |n - n'|^2
     if recipe.loss == "chord":
         e = (squared + CLOSE**2).sqrt() - CLOSE
-    if found.shape[1] > 3 + memory:  # least where the expected error is the mean of the true ones, whatever their size
+    if net.teaches == "attention":
+        e = attended(e, N * mask, truth, told[:, 0])
+    elif net.teaches == "images":
+        e = e + RENDERED * rendered_wrong(told, seen.images.repeat(passes, 1, 1, 1, 1))
+    elif told.shape[1]:  # least where the expected error is the mean of the true ones, whatever their size
         true_deg = (2 * torch.asin((squared.detach().sqrt() / 2).clamp(max=1))).rad2deg()
-        e = e + DOUBT * (true_deg / found[:, -1] + found[:, -1].log())
+        e = e + DOUBT * (true_deg / told[:, -1] + told[:, -1].log())
     pixels = fabric.all_reduce(mask.sum().float(), reduce_op="mean")
     return (e * mask[:, 0]).sum() / pixels
+
+
+def attended(e: Tensor, N: Tensor, truth: Tensor, P: Tensor) -> Tensor:
+    """The error of the normals where attention P (b, h, w) is low, of their changes where it is high (Ju et al. 2020).
+
+    P learns, too, so it goes where that is cheaper: on all but the pixel that its scale keeps at zero.
+    """
+    changes = (gradient(N) - gradient(truth)).square().sum((0, 2))  # (b, h, w)
+    return P * changes + EVEN * (1 - P) * e
+
+
+def rendered_wrong(told: Tensor, images: Tensor) -> Tensor:
+    """Mean square error (b, h, w) of images rendered back (b, 3 m, h, w), the first m of those that were read."""
+    told = told.unflatten(1, (-1, 3))  # (b, m, 3, h, w)
+    return (told - images[:, : told.shape[1]]).square().mean((1, 2))
 
 
 def of_lights(model: Any, seen: Observed) -> Tensor:

@@ -150,6 +150,9 @@ CPU = replace(
     validate=1500,
 )  # half of the paper network's width; at a rate of 0.02 Muon soon stands still here
 
+# the networks of the paper's tables, each from the same scenes for the same minutes of a core; examined at their end
+COMPARED = replace(CPU, priors=(), reuse=4, validate=100_000)
+
 # our own networks: Muon from the start, at a flat rate, so that a training can be made longer
 OURS = Recipe(batch=32, lr=1e-3, schedule="flat", warmup=100, muon=0.02, clip=1.0, turns=True)
 
@@ -276,6 +279,11 @@ RECIPES = {
     "dpsn": replace(
         PIXELS, network="dpsn", config={"width": 1024}, batch=128, pixels=32, turns=False, dark=0.05, exams=("clean",)
     ),
+    "gps-net": replace(COMPARED, network="gps-net", lr=2e-3, config={}),
+    "attention-psn": replace(
+        COMPARED, network="attention-psn", config={"width": 16, "shallow": 2, "deep": 4}, loss="cosine"
+    ),
+    "dr-psn": replace(COMPARED, network="dr-psn", config={"width": 32}),
     # normalnet; the recipes called cpu are for hours on a processor
     "cpu": CPU,
     "psfcn-cpu": replace(CPU, network="psfcn", config={"width": 32}, priors=()),

@@ -12,7 +12,10 @@ from photonormal.methods.classical.woodham import Woodham
 from photonormal.methods.engine import on_mask, pixels, plan, stream
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.windows import Box
+from photonormal.methods.learned.attentionpsn import AttentionPSNConfig, AttentionPSNNet
 from photonormal.methods.learned.cnnps import CNNPSConfig, CNNPSNet
+from photonormal.methods.learned.drpsn import DRPSNConfig, DRPSNNet
+from photonormal.methods.learned.gpsnet import GPSNet, GPSNetConfig
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.psfcn import PSFCNConfig, PSFCNNet
@@ -47,8 +50,8 @@ def network(kind, seed=0):
             torch.nn.init.normal_(weight, std=0.1)
         torch.nn.init.normal_(net.correction.weight, std=0.05)
         return net
-    if kind in MAPS:
-        return MAPS[kind]().eval()  # in training they look once
+    if kind in OTHERS:
+        return OTHERS[kind]().eval()  # in training they do otherwise
     return PSFCNNet(PSFCNConfig(width=4, normalised=kind == "psfcn-normalised"))
 
 
@@ -56,11 +59,14 @@ MORE: dict = {
     "normalnet-full": {"memory": 4, "coarse": 1, "attention": 2, "expected": True},
     "normalnet-far": {"coarse": 1, "far": 1, "level": True, "compass": True},
 }
-MAPS = {
+OTHERS = {
     "cnn-ps": lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)),
     "lmps": lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8)),
+    "gps-net": lambda: GPSNet(GPSNetConfig(filters=8, order=8, width=8)),
+    "attention-psn": lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1)),
+    "dr-psn": lambda: DRPSNNet(DRPSNConfig(width=4)),
 }
-KINDS = ["lambertian-prior", "normalnet", *MORE, "psfcn", "psfcn-normalised", *MAPS]
+KINDS = ["lambertian-prior", "normalnet", *MORE, "psfcn", "psfcn-normalised", *OTHERS]
 PASSES = {"normalnet-full": 2}  # of the kinds that have learned more than one
 
 
@@ -140,9 +146,10 @@ def test_streaming_is_the_batch(kind):
     assert angle_deg(N[m], streamed.map[1:-1, 1:-1][m]).max() < 0.01
 
 
-def test_averaged_rotations_turn_with_the_capture():
+@pytest.mark.parametrize("kind", ["lambertian-prior", "gps-net", "attention-psn", "dr-psn"])
+def test_averaged_rotations_turn_with_the_capture(kind):
     capture, _ = sphere(size=66, margin=(0, 0))  # a box of 64, a multiple of the stride
-    net = network("lambertian-prior")
+    net = network(kind)
     R = rotation_about_view(90)
     images = np.ascontiguousarray(np.rot90(capture.images, 1, (1, 2)))
     turned = Capture(images, np.rot90(capture.mask).copy(), capture.lights @ R.T)

@@ -1,4 +1,4 @@
-"""The layers that the convolutional networks share: 3 x 3 convolutions, 4 x 4 deconvolutions, residual blocks.
+"""The layers that the convolutional networks share: convolutions, 4 x 4 deconvolutions, residual blocks.
 
 LeakyReLU of slope 0.1 follows every layer but the last; no batch normalisation; Kaiming's initial weights, zero bias:
 the practice of PS-FCN (Chen, Han, Wong, ECCV 2018) and of the networks that follow it.
@@ -15,9 +15,9 @@ SLOPE = 0.1  # of LeakyReLU
 BEGIN = 0.1  # of Kaiming's weights, with which a residual branch begins beside its shortcut
 
 
-def conv(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
-    """3 x 3 convolution with bias, LeakyReLU."""
-    return nn.Sequential(nn.Conv2d(inputs, outputs, 3, stride, padding=1), nn.LeakyReLU(SLOPE, inplace=True))
+def conv(inputs: int, outputs: int, stride: int = 1, size: int = 3) -> nn.Sequential:
+    """Convolution of `size` x `size` with bias, LeakyReLU."""
+    return nn.Sequential(nn.Conv2d(inputs, outputs, size, stride, padding=size // 2), nn.LeakyReLU(SLOPE, inplace=True))
 
 
 def deconv(inputs: int, outputs: int) -> nn.Sequential:
@@ -28,12 +28,12 @@ def deconv(inputs: int, outputs: int) -> nn.Sequential:
 
 
 class Block(nn.Module):
-    """Two 3 x 3 convolutions, the first with a stride; residual: plus a shortcut (1 x 1 where the shape changes)."""
+    """Two convolutions, the first with a stride; residual: plus a shortcut (1 x 1 where the shape changes)."""
 
-    def __init__(self, inputs: int, outputs: int, stride: int = 1, residual: bool = True) -> None:
+    def __init__(self, inputs: int, outputs: int, stride: int = 1, residual: bool = True, size: int = 3) -> None:
         super().__init__()
-        self.first = conv(inputs, outputs, stride)
-        self.second = nn.Conv2d(outputs, outputs, 3, padding=1)
+        self.first = conv(inputs, outputs, stride, size)
+        self.second = nn.Conv2d(outputs, outputs, size, padding=size // 2)
         same = stride == 1 and inputs == outputs
         self.residual = residual
         self.shortcut = None if same or not residual else nn.Conv2d(inputs, outputs, 1, stride, bias=False)

@@ -6,7 +6,7 @@ Training calls the network on a batch; measuring feeds the same three steps imag
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Protocol, TypeVar, runtime_checkable
+from typing import Any, ClassVar, Literal, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -55,12 +55,14 @@ class Network(Model, ABC):
     pointwise : whether `encode` and `digest` see each pixel by itself, and `begin` takes None for the lights where
         only `look` follows
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
+    teaches : what `teach` gives: "attention" (how much each pixel is an edge), "images" (rendered back) or "" (nothing)
     """
 
     stride: int
     reach: int
     pointwise: bool = False
     memory: int = 0
+    teaches: ClassVar[Literal["", "attention", "images"]] = ""
 
     @abstractmethod
     def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Any:
@@ -85,6 +87,12 @@ class Network(Model, ABC):
         """What `look` gives, from the pooled features of all n images."""
         return self.look(self.digest(pooled, n, shared), n, shared)
 
+    def teach(
+        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], pooled: Any, N: Tensor
+    ) -> Float[Tensor, "b e h w"]:
+        """What a loss compares beside the normals N (b, 3, h, w) and no measurement needs: see `teaches`."""
+        raise NotImplementedError
+
     def forward(
         self,
         images: Float[Tensor, "b n c h w"],
@@ -96,12 +104,17 @@ class Network(Model, ABC):
 
         Lights are (b, n, 3), or (b, n, 3, h, w) where each pixel sees them elsewhere. The normals of a pass are the
         prior of the next, which learns to better them but not to have them otherwise; its memory learns to help.
+        While it trains, what it `teaches` follows.
         """
         outside = prior.square().sum(1, keepdim=True) == 0
         found: list[Tensor] = []
         for _ in range(passes):
             shared = self.begin(prior, lights)
-            found.append(self.decode(self.encode(images, lights, shared), images.shape[1], shared))
+            pooled = self.encode(images, lights, shared)
+            told = self.decode(pooled, images.shape[1], shared)
+            if self.teaches and self.training:
+                told = torch.cat([told, self.teach(images, lights, pooled, told[:, :3])], dim=1)
+            found.append(told)
             N, memory = found[-1][:, :3].detach(), found[-1][:, 3 : 3 + self.memory]
             prior = torch.cat([N, memory.to(N.dtype)], dim=1).masked_fill(outside, 0)
         return torch.cat(found) if passes > 1 else found[0]

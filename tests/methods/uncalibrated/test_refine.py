@@ -12,10 +12,11 @@ from photonormal import InputError
 from photonormal.cli import main
 from photonormal.geometry import angle_deg, normalised
 from photonormal.methods.uncalibrated.frame import Believed, curl, settled
+from photonormal.methods.uncalibrated.limits import FLAT, flatness, spread_deg
 from photonormal.methods.uncalibrated.reduced import AROUND, reduced
 from photonormal.methods.uncalibrated.refine import refined
 from photonormal.scoring.lights import score_lights
-from photonormal.types import Camera, Capture, Lamps
+from photonormal.types import Camera, Capture, Lamps, Normals
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
@@ -113,6 +114,19 @@ def test_a_reduced_object_is_in_the_middle_and_keeps_its_radiance():
         assert not image[0][~inside].any()
 
 
+def test_along_a_cylinder_lights_stay_as_they_were_given():
+    y, x = np.mgrid[1 : -1 : 1j * 48, -1 : 1 : 1j * 48]
+    mask = (abs(x) < 0.8) & (abs(y) < 0.8)
+    map = np.stack([x, 0 * x, np.sqrt(1 - x**2 * mask)], axis=-1) * mask[..., None]
+    noise = np.random.default_rng(0).normal(size=(20, 48, 48, 1)).astype(np.float32)
+    capture = lambertian(Normals(map.astype(np.float32), mask), scattered(20))
+    capture = replace(capture, images=np.maximum(capture.images + 0.003 * noise, 0))
+    given = capture.lights * [1, 1, 0.8] + [0.1, 0, 0]  # wrong across the cylinder alone
+    found = refined(replace(capture, lights=normalised(given)))
+    assert np.isfinite(found.lights).all() and abs(angle_deg(found.lights, normalised(given))).mean() < 10
+    assert found.notes[-1] == FLAT or "which are kept" in found.notes[0]
+
+
 def test_what_cannot_be_mended_is_refused(true):
     few = replace(true, images=np.asarray(true.images)[:5], lights=true.lights[:5], image_names=())
     with pytest.raises(InputError, match="5 images came but 6 or more are needed"):
@@ -144,3 +158,11 @@ def test_measure_mends_lights_and_writes_them(true, tmp_path, capsys):
     again = pn.load(tmp_path / "ball", lights=tmp_path / "r" / "lights.lp")
     assert angle_deg(again.lights, true.lights).mean() < 1.5
     assert np.allclose(again.lights, report["found_lights"]["directions"], atol=1e-5)
+
+
+def test_vectors_in_a_plane_have_no_spread():
+    inside = torch.tensor([[np.cos(a), 0.0, np.sin(a)] for a in np.linspace(0, 3, 9)], dtype=torch.float32)
+    tilt = np.radians(5)
+    off = torch.cat([inside * np.cos(tilt) + torch.tensor([0, k * np.sin(tilt), 0]) for k in (1, -1)])
+    assert spread_deg(inside) < 0.05 and spread_deg(off) == pytest.approx(5, abs=0.01)
+    assert flatness(inside) == (FLAT,) and flatness(off) == ()

@@ -93,6 +93,13 @@ def test_what_tells_no_lights_is_refused():
         found_lights(Capture(same[:3], capture.mask), "unknown")
 
 
+def test_lights_of_many_colours_are_told(demo):
+    images = np.stack([demo.images[j] for j in range(24)])
+    tints = np.random.default_rng(0).uniform(0.4, 1, (24, 1, 1, 3)).astype(np.float32)
+    notes = [" ".join(found_lights(Capture(x, demo.mask), "unknown").notes) for x in (images, tints * images)]
+    assert ["differ in colour" in note for note in notes] == [False, True]
+
+
 def test_lights_are_either_unknown_or_mended():
     assert [lights_from(Path("unknown"), False), lights_from(None, True), lights_from(Path("a.lp"), False)] == [
         "unknown", "refined", "given",

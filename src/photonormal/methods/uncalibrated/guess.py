@@ -13,7 +13,7 @@ from photonormal.methods.inputs.scaling import moment, scaled
 from photonormal.methods.learned.lightsnet import SIDE, Lights, LightsNet
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.processor import inner_precision
-from photonormal.methods.uncalibrated.limits import spread_deg
+from photonormal.methods.uncalibrated.limits import refuse_narrow
 from photonormal.methods.uncalibrated.reduced import reduced
 from photonormal.shading import normalised
 from photonormal.types import Capture
@@ -28,7 +28,7 @@ class Guess(NamedTuple):
 
     def shown_by(self, capture: Capture) -> Capture:
         """The capture under these lights, divided by their intensities; InputError where no normals could be found."""
-        spread_deg(self.lights.double(), capture.name)
+        refuse_narrow(self.lights, capture.name)
         return under(capture, self.lights.double().numpy(), self.intensities.double().numpy())
 
 

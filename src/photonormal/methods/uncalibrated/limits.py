@@ -10,6 +10,10 @@ from photonormal.types import Capture, InputError
 
 LEAST = 6  # photographs; of fewer any lights explain nearly everything
 SPREAD_DEG = 4.0  # of lights, in the direction in which they differ least, below which normals can't be found
+CURVED_DEG = 2.0  # of normals, below which a surface is bent in one direction at most
+FLAT = (
+    "The surface is bent in one direction at most, like a cylinder, so the other direction of each light is uncertain."
+)
 
 
 def check(capture: Capture) -> None:
@@ -24,19 +28,23 @@ def check(capture: Capture) -> None:
         raise InputError(f"{n} images came but {LEAST} or more are needed to find lights from; add photographs.")
 
 
-def spread_deg(L: Float[Tensor, "n 3"], name: str) -> float:
-    """How far lights that were found are off a plane through the surface, root mean square, in degrees.
-
-    Raises
-    ------
-    InputError
-        If that is too little to find normals.
-    """
-    narrow = float(torch.rad2deg(torch.asin((torch.linalg.svdvals(L)[-1] / len(L) ** 0.5).clamp(max=1))))
+def refuse_narrow(L: Float[Tensor, "n 3"], name: str) -> None:
+    """InputError where lights that were found differ too little to find normals under them."""
+    narrow = spread_deg(L)
     if not narrow > SPREAD_DEG:
         raise InputError(
-            f"the photographs of {name} seem to be lit from about one plane or direction (lights differ by "
-            f"{narrow:.0f} degrees across it) and can't be measured; add photographs with the light from elsewhere, "
-            "or give the lights."
+            f"the photographs of {name} seem to be lit from about one plane or direction, or to show a surface that is "
+            f"bent in one direction only (lights differ by {narrow:.0f} degrees across it), and can't be measured; add "
+            "photographs with the light from elsewhere, or give the lights."
         )
-    return narrow
+
+
+def flatness(N: Float[Tensor, "p 3"]) -> tuple[str, ...]:
+    """What can't be told where normals that were found lie in about one plane; nothing where they don't."""
+    return () if spread_deg(N[N.norm(dim=1) > 0.5]) > CURVED_DEG else (FLAT,)
+
+
+def spread_deg(vectors: Float[Tensor, "n 3"]) -> float:
+    """How far unit vectors are off the plane through the origin that fits them best, root mean square, degrees."""
+    least = torch.linalg.eigvalsh((vectors.T @ vectors).double() / max(len(vectors), 1))[0].clamp(0, 1)
+    return float(torch.rad2deg(torch.asin(least.sqrt())))

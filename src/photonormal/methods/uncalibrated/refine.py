@@ -10,7 +10,7 @@ from torch import Tensor
 from photonormal.geometry import angle_deg
 from photonormal.lighting import FoundLights
 from photonormal.methods.uncalibrated.frame import Believed
-from photonormal.methods.uncalibrated.limits import LEAST, check
+from photonormal.methods.uncalibrated.limits import LEAST, check, flatness
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals_under, rounds
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.progress import progress
@@ -54,7 +54,9 @@ def refined(capture: Capture) -> FoundLights:
         note = "the photographs speak for no other lights than the given ones, which are kept."
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))
     found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
-    return FoundLights(found, moved_deg=angle_deg(found, capture.known_lights()), notes=(HALFWAY,) * halfway)
+    return FoundLights(
+        found, moved_deg=angle_deg(found, capture.known_lights()), notes=(HALFWAY,) * halfway + flatness(N)
+    )
 
 
 def reflected(N: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:

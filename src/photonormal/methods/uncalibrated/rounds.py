@@ -15,6 +15,7 @@ from photonormal.shading import angle_deg, cosines, normalised
 SPREAD = 0.1  # of a sample over its albedo, beyond which it loses weight: a highlight, or a shadow
 GRAZING = 0.05  # cosine below which a light tells nothing of itself at a pixel
 FAR = 10.0  # factor by which a light is brighter or darker than most, from which on its pixels don't tell it
+TIED = 1e-3  # weight of a light as it was, over that of all samples
 MANY = 16  # lights, of whose samples some can be left out
 ROUNDS = 12
 DAMPED = 0.6  # share of the frame's map that is applied in a round where it may be large: lights unknown
@@ -72,15 +73,19 @@ def misfit(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> fl
 
 
 def lights_of(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """argmin over s_j of sum_p log(1 + (I_pj / rho_p - n_p.s_j)^2 / SPREAD^2), over lit samples, from the lights s."""
+    """argmin over s_j of sum_p log(1 + (I_pj / rho_p - n_p.s_j)^2 / SPREAD^2), over lit samples, from the lights s.
+
+    What no pixel tells of a light stays as it is in s: all of it, or its part along a cylinder.
+    """
     I, known = over_albedo(shown, N, s)
     NN = (N[:, :, None] * N[:, None, :]).flatten(1)  # (p, 9)
     for _ in range(REWEIGHTED):
         shading = cosines(N, s)
         spread = SPREAD * s.norm(dim=1)
         w = (shown.keep & known & (shading > GRAZING)) / (1 + ((I - shading) / spread) ** 2)
-        A = (w.T @ NN).unflatten(1, (3, 3)) + 1e-3 * torch.eye(3)
-        y = (w * I).T @ N
+        tied = TIED * (1 + w.sum(0))[:, None]  # (n, 1)
+        A = (w.T @ NN).unflatten(1, (3, 3)) + tied[..., None] * torch.eye(3)
+        y = (w * I).T @ N + tied * s
         found = torch.linalg.solve(A, y)
         length = found.norm(dim=1, keepdim=True)
         usual = (length > length.median() / FAR) & (length < length.median() * FAR)  # nan is not

@@ -23,11 +23,13 @@ class Shown:
     I : (p, n) grey levels, cut where highlights end
     keep : (p, n) bool, samples that are lit
     inside : (h, w) bool, where the pixels lie
+    colours : (n, c) mean radiance of each image
     """
 
     I: Float[Tensor, "p n"]
     keep: Bool[Tensor, "p n"]
     inside: Bool[Tensor, "h w"]
+    colours: Float[Tensor, "n c"]
 
     @classmethod
     def of(cls, capture: Capture) -> Shown:
@@ -36,7 +38,7 @@ class Shown:
         I = grey(images[None])[0, :, 0][:, inside].T.contiguous()
         levels = Levels.of(I)
         I = levels.cut_(I)
-        return cls(I, levels.lit(I), inside)
+        return cls(I, levels.lit(I), inside, images[:, :, inside].mean(2))
 
     def over(self, e: Float[Tensor, " n"]) -> Shown:
         """The same divided by the intensities of the lights."""

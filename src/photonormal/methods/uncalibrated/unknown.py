@@ -8,7 +8,7 @@ from photonormal.lighting import FoundLights
 from photonormal.methods.learned.weights import LIGHTS, load, shipped
 from photonormal.methods.uncalibrated.frame import Believed
 from photonormal.methods.uncalibrated.guess import guess
-from photonormal.methods.uncalibrated.limits import check, spread_deg
+from photonormal.methods.uncalibrated.limits import check, flatness, refuse_narrow, spread_deg
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, rounds
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.progress import progress
@@ -18,6 +18,7 @@ from photonormal.types import Capture, InputError
 INDEPENDENT = 3.0  # of the network's errors, most of which all lights of an object share
 SHADED = 0.02  # second singular value of the samples over the first, below which nothing but brightness differs
 NARROW_DEG = 7.0  # of lights, in the direction in which they differ least, below which normals are uncertain
+TINTED = 0.2  # of a channel over grey, from which on lights differ in colour
 BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful
 
 
@@ -36,13 +37,14 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
         refuse_unshaded(shown, capture.name)
         first = guess(load(shipped(LIGHTS), "lightsnet"), capture, device)
         start, believed = first.lights * first.intensities[:, None], Believed(first.lights, INDEPENDENT)
-        s, _, moved_deg = rounds(shown, start, believed, unknown=True)
+        s, N, moved_deg = rounds(shown, start, believed, unknown=True)
     apart_deg = float(angle_deg(normalised(s), first.lights).mean())
     settled = moved_deg < SETTLED_DEG and apart_deg < float(first.told_deg.mean())
     if not settled:
         s = start
     lights, intensities = normalised(s.double()), s.double().norm(dim=1)
-    narrow = spread_deg(lights, capture.name)
+    refuse_narrow(lights, capture.name)
+    narrow = spread_deg(lights)
     alone = (
         "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
     )
@@ -52,9 +54,20 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
             "Which way the light comes from is doubtful: what bulges may be a hollow, and relief too deep or too flat; "
             "compare the result with the object."
         )
+    notes += flatness(N)
+    if tint(shown) > TINTED:
+        notes.append(
+            "The lights differ in colour, and one intensity of each was found: colours of the albedo are wrong."
+        )
     if narrow < NARROW_DEG:
         notes.append(f"The lights differ by {narrow:.0f} degrees only, so relief may be much too deep or too flat.")
     return FoundLights(lights.numpy(), (intensities / intensities.mean()).numpy(), notes=tuple(notes))
+
+
+def tint(shown: Shown) -> float:
+    """How much the colour of the images differs: the largest standard deviation of a channel's logarithm over grey."""
+    log = shown.colours.clamp(min=1e-6).log()
+    return float((log - log.mean(1, keepdim=True)).std(0).max())
 
 
 def refuse_unshaded(shown: Shown, name: str) -> None:

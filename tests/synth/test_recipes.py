@@ -27,6 +27,8 @@ def test_a_field_is_changed_in_a_copy():
         ("train", {"crop": 256}, "crop <= size"),
         ("train", {"crops": 0}, "at least 1 each"),
         ("train", {"shapes": (1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)}, "shares can't be negative"),
+        ("train", {"dark": 1.2}, "dark is 1.2 but a share from 0 to 1 is needed"),
+        ("train", {"jpeg": -0.1}, "jpeg is -0.1 but a share from 0 to 1 is needed"),
         ("train", {"materials": (0.0,) * 6}, "8 and 6, not all zero, are needed"),
     ],
 )

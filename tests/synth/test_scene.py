@@ -128,3 +128,11 @@ def test_what_is_small_reflects_a_lamp_nearby_as_a_light_from_its_own_direction(
     far = added(None, to_lamp / to_lamp.norm()) * (36 / to_lamp.norm()) ** 2
     assert torch.allclose(added(36 / (SIZE / 2), from_middle), far, rtol=0.2)
     assert (added(None, from_middle) > 2 * far).all()  # so that the direction counts
+
+
+def test_hollow_metal_is_metal_and_its_walls_light_each_other():
+    made = recipe("hollow-metal")
+    scenes = draw_scenes(made, rng(1), 20, 4, None)
+    assert scenes.bounce.all() and (scenes.coats.family == 0).all()
+    assert (scenes.coats.palette[..., 3] >= 0.3).all()  # metallic
+    assert (draw_scenes(recipe("train"), rng(1), 20, 4, None).coats.palette[..., 3] == 0).any()

@@ -169,8 +169,9 @@ def check(made: Rendering) -> None:
         shares = getattr(made, key)
         if min(shares) < 0:
             raise InputError(f"{key} are {shares} but shares can't be negative; change them.")
-    if not 0 <= made.mesh_share <= 1:
-        raise InputError(f"mesh_share is {made.mesh_share} but a share from 0 to 1 is needed; change it.")
+    for key in ("mesh_share", "dark", "jpeg", "gamma", "clipped"):
+        if not 0 <= getattr(made, key) <= 1:
+            raise InputError(f"{key} is {getattr(made, key)} but a share from 0 to 1 is needed; change it.")
     if len(made.shapes) != 8 or len(made.materials) != 6 or not sum(made.shapes) * sum(made.materials):
         raise InputError(
             f"shapes has {len(made.shapes)} shares and materials {len(made.materials)} but 8 and 6, not all zero, "

@@ -10,6 +10,8 @@ trusted: `benchmarks/expected.py`.
 from __future__ import annotations
 
 import argparse
+import shutil
+import tempfile
 import time
 from dataclasses import fields, replace
 from functools import partial
@@ -20,11 +22,13 @@ import torch
 from classical import OBJECTS, in_memory, print_row, under
 
 import photonormal as pn
+from photonormal.files.decode import decode_all
 from photonormal.geometry import angle_deg
 from photonormal.methods import configure, method_class
 from photonormal.methods.contract import Method
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.engine.device import torch_device
+from photonormal.png import encode_png
 from photonormal.synth.sensor import corrupt, turned
 
 Captures = dict[str, pn.Capture]
@@ -114,32 +118,40 @@ def faults(solver: Method, captures: Captures, device: torch.device) -> None:
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
 
 
-def with_levels(capture: pn.Capture, levels: int, middle: bool) -> pn.Capture:
-    """The capture as if its files had but `levels` grey levels up to the brightest sample of the object.
+def with_levels(folder: Path, out: Path, levels: int, middle: bool) -> pn.Capture:
+    """A DiLiGenT object whose files have but `levels` grey levels up to the brightest sample of the object.
 
-    Files hold what is divided by the lights' intensities afterwards. What is not a full level is cut off; `middle`:
-    each level stands for the middle of its step.
+    What is not a full level is cut off, in 8 bits; `middle`: each level is written as the middle of its step, in 16.
     """
-    e = np.asarray(capture.images.intensities)[:, None, None]  # (n, 1, 1, c)
-    loaded = in_memory(capture)
-    stored = np.asarray(loaded.images) * e
-    step = float(stored[:, capture.mask].max()) / levels
-    counts = np.floor((stored / step).clip(0, levels)) + 0.5 * middle
-    return replace(loaded, images=(counts * step / e).astype(np.float32))
+    out.mkdir(parents=True)
+    names = (folder / "filenames.txt").read_text().split()
+    mask = decode_all(folder / "mask.png")[..., 0] > 0
+    brightest = max(int(decode_all(folder / name)[mask].max()) for name in names)
+    for file in folder.iterdir():
+        if file.name not in names:
+            shutil.copy(file, out)
+    for name in names:
+        counts = np.minimum(decode_all(folder / name).astype(np.int64) * levels // brightest, 255)
+        stored = (2 * counts + 1).astype(np.uint16) if middle else counts.astype(np.uint8)
+        (out / name).write_bytes(encode_png(stored))
+    return pn.load(out)
 
 
 def few_levels(solver: Method, root: dict[str, Path], device: torch.device) -> None:
     """All levels of the files, then few."""
     print_row("grey levels", *root, "mean")
     print_row(*["---"] * (len(root) + 2))
-    rows = {"all": in_memory}
+    rows = {"all": lambda folder, out: pn.load(folder)}
     rows |= {
         f"{n}, {'middle of a step' if middle else 'cut off'}": partial(with_levels, levels=n, middle=middle)
         for n in (48, 32)
         for middle in (False, True)
     }
-    for name, spoil in rows.items():
-        errors = [mean_deg(solver, spoil(pn.load(folder)), device) for folder in root.values()]
+    for name, spoilt in rows.items():
+        errors = []
+        for folder in root.values():
+            with tempfile.TemporaryDirectory() as scratch:
+                errors.append(mean_deg(solver, spoilt(folder, Path(scratch) / folder.name), device))
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
 
 

@@ -79,6 +79,7 @@ def measure(
     findings: list[Finding] = []
     from photonormal.methods.engine import check as check_needs
     from photonormal.methods.engine import on_mask, run, with_lights
+    from photonormal.methods.engine.cutoff import given_back
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
     from photonormal.methods.engine.parts import joined
@@ -109,12 +110,17 @@ def measure(
         with _stage("check", seconds), progress("checking"):
             findings = check(capture)
         warnings += [finding.message for finding in findings]
+    whole = given_back(capture) if solver.needs.lights else capture
+    if whole is not capture:
+        warnings.append(
+            "Samples were cut off to whole levels of 8 bits; half a level was added to each that is not zero."
+        )
     with _stage("solve", seconds):
         with computing_in(precision):
-            found = joined(parts, capture) if parts else run(solver, capture, where)
+            found = joined(parts, capture) if parts else run(solver, whole, where)
             computed_in = number_format(where) if solver.needs.reads == "stream" else None
         normals = on_mask(found, capture)
-    lit = with_lights(capture, found)
+    lit = with_lights(whole, found)
     if expected_error and lit.lights is not None:
         from photonormal.methods.expected import with_expected_error
 

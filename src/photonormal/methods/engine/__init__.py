@@ -18,18 +18,23 @@ def run(method: Method, capture: Capture, device: torch.device, rows: slice | No
     `rows`: of those that lie in some rows of the frame, as `parts.divided` gives them; the solutions of all such parts,
     `parts.joined`, are that of the whole.
 
+    Dark pictures of 8 bits that were cut off to whole grey levels get back what that took (`engine.cutoff`).
+
     Raises
     ------
     InputError
         If the capture is not what the method needs, or no light reached any pixel.
     """
+    from photonormal.methods.engine.cutoff import given_back
+
     check(method, capture)
     if capture.lamps is not None and not method.needs.finds_lights:
         from photonormal.methods.engine.near import UnderLamps
 
         found = UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)
     else:
-        found = under_distant_lights(method, capture, device, rows)
+        whole = given_back(capture) if method.needs.lights else capture
+        found = under_distant_lights(method, whole, device, rows)
     return found if rows else not_dark(found, capture)
 
 

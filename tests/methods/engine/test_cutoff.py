@@ -1,0 +1,97 @@
+"""Dark pictures of 8 bits: whether they were cut off is told by lights of different intensities, and undone."""
+
+import numpy as np
+import pytest
+import torch
+
+import photonormal as pn
+from photonormal.geometry import fibonacci_hemisphere
+from photonormal.methods import configure
+from photonormal.methods.engine import on_mask, run
+from photonormal.methods.engine.cutoff import Raised, given_back
+from tests.scenes import sphere
+
+N_LIGHTS, BRIGHTEST = 60, 20
+
+
+class Files:
+    """Pictures as files of 8 bits store them, over the intensities of their lights."""
+
+    dtype = np.dtype(np.uint8)
+
+    def __init__(self, counts, intensities):
+        self.counts, self.intensities, self.shape = counts, intensities, counts.shape
+
+    def __getitem__(self, j):
+        return (self.counts[j] / np.float32(255) / self.intensities[j]).astype(np.float32)
+
+
+def dark(stored, even=False, faulty=0, gloss=0.0):
+    """A sphere whose brightest sample has BRIGHTEST levels; `stored` makes whole numbers of what the sensor saw."""
+    g = np.random.default_rng(0)
+    truth = sphere()
+    N, L = truth.map, fibonacci_hemisphere(2 * N_LIGHTS)
+    L = L[np.argsort(-L[:, 2])[:N_LIGHTS]]
+    e = np.ones(N_LIGHTS) if even else g.uniform(0.4, 1, N_LIGHTS)
+    cos = np.clip(N @ L.T, 0, None).transpose(2, 0, 1)  # (n, h, w)
+    half = L + np.array([0, 0, 1])
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    I = cos + gloss * np.clip(N @ half.T, 0, None).transpose(2, 0, 1) ** 30 * (cos > 0)
+    I[:faulty] *= 0.6
+    counts = stored(e[:, None, None] * I / (I * e[:, None, None]).max() * BRIGHTEST).astype(np.uint8)
+    images = Files(np.repeat(counts[..., None], 3, -1), np.repeat(e[:, None], 3, 1))
+    return pn.Capture(images, truth.mask, L, truth=truth, saturation=(1 / images.intensities).astype(np.float32))
+
+
+def error_deg(capture):
+    method = configure("l1")
+    return pn.score(on_mask(run(method, capture, torch.device("cpu")), capture), capture.truth).mean_deg
+
+
+@pytest.mark.parametrize("changes", [{}, {"gloss": 0.5}, {"faulty": 10}], ids=str)
+def test_what_was_cut_off_is_given_back_and_what_was_rounded_stays(changes):
+    cut, rounded = dark(np.floor, **changes), dark(np.round, **changes)
+    assert given_back(rounded) is rounded
+    raised = given_back(cut)
+    before, after = cut.images[3], raised.images[3]
+    level = 1 / 255 / cut.images.intensities[3, 0]
+    assert np.allclose(after[before > 0], before[before > 0] + level / 2)
+    assert not after[before == 0].any()
+
+
+def test_normals_are_better_for_it():
+    cut, rounded = dark(np.floor), dark(np.round)
+    cut_in_memory = pn.Capture(np.stack([cut.images[j] for j in range(N_LIGHTS)]), cut.mask, cut.lights, cut.truth)
+    assert error_deg(cut) < 0.7 * error_deg(cut_in_memory)
+    assert error_deg(rounded) < error_deg(cut_in_memory)
+
+
+def test_even_lights_tell_nothing():
+    capture = dark(np.floor, even=True)
+    assert given_back(capture) is capture
+
+
+def test_few_lights_and_files_of_more_bits_are_left_alone():
+    capture = dark(np.floor)
+    few = pn.Capture(Files(capture.images.counts[:12], capture.images.intensities[:12]), capture.mask,
+                     capture.lights[:12], saturation=capture.saturation[:12])  # fmt: skip
+    assert given_back(few) is few
+    capture.images.dtype = np.dtype(np.uint16)
+    assert given_back(capture) is capture
+
+
+def test_it_is_given_back_once():
+    raised = given_back(dark(np.floor))
+    assert isinstance(raised.images, Raised) and given_back(raised) is raised
+
+
+def test_a_measurement_says_so():
+    result = pn.measure(dark(np.floor), "woodham", integration=None, albedo=False, expected_error=False)
+    assert any("cut off" in warning for warning in result.report["warnings"])
+    result = pn.measure(dark(np.round), "woodham", integration=None, albedo=False, expected_error=False)
+    assert not any("cut off" in warning for warning in result.report["warnings"])
+
+
+def test_a_window_is_a_part_of_the_picture():
+    raised = given_back(dark(np.floor))
+    assert np.array_equal(raised.images.window(2, slice(5, 9), slice(3, 8)), raised.images[2][5:9, 3:8])

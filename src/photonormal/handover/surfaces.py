@@ -116,9 +116,10 @@ def relief(result: Path, mm_per_px: float | None = None) -> Iterator[Relief]:
             if found.keys() != {name, "mask"}:
                 raise InputError(f"{result / name}.npz holds no {name} and mask; measure again.")
             layers |= {name: found[name], f"{name} mask": found["mask"]}
-        base = result / BASE
-        samples = decode(base) if base.is_file() else albedo_samples(result / "albedo.png")
-        encoded = is_encoded(base if base.is_file() else result / "albedo.png", samples)
+        measured = (result / BASE).is_file()
+        colours = result / (BASE if measured else "albedo.png")
+        samples = decode(colours) if measured else albedo_samples(colours)
+        encoded = is_encoded(colours, samples)
         layers["colour"] = kept.enter_context(_stored(samples))
         del samples
         for name in MATERIAL:
@@ -127,7 +128,8 @@ def relief(result: Path, mm_per_px: float | None = None) -> Iterator[Relief]:
         frame = layers["normals mask"].shape
         for name, layer in layers.items():
             if layer.shape[:2] != frame:
-                file = {"depth": "depth.npz", "colour": base.name if base.is_file() else "albedo.png"}.get(name, name)
+                files = {"normals": "normals.npz", "depth": "depth.npz", "depth mask": "depth.npz"}
+                file = files.get(name, colours.name if name == "colour" else name)
                 raise InputError(
                     f"{result / file} is {layer.shape[:2]} but normals.npz beside it is {frame}; measure again."
                 )

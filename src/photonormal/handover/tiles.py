@@ -21,7 +21,7 @@ from photonormal.types import InputError, Normals
 
 FILLED = 0.9  # share of a tile's pixels that must be known; the others take their neighbours' values
 STEEPEST = 20.0  # slope of a normal in a tile
-HELD = 80  # bytes of each pixel while its height is found
+HELD = 100  # bytes of each pixel while its height is found
 
 
 @contextmanager

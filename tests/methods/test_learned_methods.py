@@ -76,6 +76,11 @@ def test_captures_without_lights_are_refused(method):
         run(method, replace(lambertian(sphere(24), ring(5)), lights=None), CPU)
 
 
+def test_a_graph_needs_four_lights():
+    with pytest.raises(InputError, match="3 images came but gps-net needs 4 or more lights; add photographs"):
+        run(GPSNetMethod(), lambertian(sphere(24), ring(2)), CPU)
+
+
 def test_missing_weights_are_refused():
     with pytest.raises(InputError, match="no weights nowhere"):
         run(PSFCN(weights="nowhere"), lambertian(sphere(24), ring(5)), CPU)

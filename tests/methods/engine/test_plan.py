@@ -48,6 +48,14 @@ def test_what_is_too_small_is_told(allow):
         plan.pixels(capture)
 
 
+def test_a_graph_of_too_many_samples_is_told(allow):
+    net = configure("gps-net").network()
+    allow(1e8)
+    with pytest.raises(InputError, match=r"a window of 64 pixels .* needs .* such as --memory") as told:
+        plan.side(net, 1, 1, CPU, LARGE, 3000)
+    assert "\n" not in str(told.value) and plan.side(net, 1, 1, CPU, LARGE, 300) >= 64
+
+
 def test_a_smaller_bound_finds_the_same(allow):
     capture = load("demo", images="1-8")
     allow(1e12)

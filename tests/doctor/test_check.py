@@ -112,6 +112,14 @@ def test_a_light_of_another_intensity_is_named_with_its_factor(right):
     assert "IMG_10.png x 1.5" in found.message and not found.grave
 
 
+def test_a_lamp_that_was_off_while_other_light_was_on_is_grave(right):
+    images = np.array(right.images)
+    images[5] = 0
+    images += 0.1 * images.mean(0)
+    (found,) = [f for f in check(replace(right, images=images)) if f.kind == "intensities"]
+    assert found.grave and "IMG_6.png x 0.0" in found.message and "lamp off" in found.message
+
+
 def test_ambient_light_is_measured():
     low = noisy(lambertian(bumps(), dome(14, 80.0)))  # lights that leave much in attached shadow
     assert "ambient" not in kinds(low)

@@ -17,6 +17,7 @@ from photonormal.doctor.order import BETTER, Orders, name_of
 from photonormal.geometry import angle_deg
 
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
+SPOILS = 3.0  # factor beyond which one light alone turns normals by degrees
 SPREADS = 4.0  # and how many spreads of the other lights' factors
 LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
 EXPLAINED = 0.4  # of the misfit is left at most with those factors
@@ -123,6 +124,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         b = others.fit(L)[0]
         shown, lit = (b @ L[j]).clip(0), pixels.lit[:, j] & (b @ L[j] > 0)
         before, after = (np.abs(p.I[:, j] - shown) / pixels.level for p in (pixels, evened))
+        after *= min(factor[j], 1)  # as they are in the darker of both
         angle = angle_deg(b, np.broadcast_to(L[j] + [0, 0, 1], b.shape))
         oriented = replace(pixels, part=(angle // ANGLES_DEG).astype(int))
         return all(p.gain(before, after, lit).below(EXPLAINED) for p in (pixels, oriented))
@@ -137,4 +139,6 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         f"{len(off)} lights are brighter or darker than given ({text}); correct light_intensities.txt or the "
         "exposure, or leave those pictures out."
     )
-    return [Finding("intensities", False, message, numbers)]
+    if factor[off].min() < 1 / SPOILS:
+        message += " What is far darker shows other light, with its lamp off."
+    return [Finding("intensities", bool(np.abs(np.log(factor[off])).max() > np.log(SPOILS)), message, numbers)]

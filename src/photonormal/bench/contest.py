@@ -11,7 +11,7 @@ from photonormal.provenance import Made, made_by
 from photonormal.types import InputError
 
 RESERVED = ("truth",)  # folder of a run that is no method's
-SLOW = ("irps",)  # minutes an object: run by name only
+BY_NAME = ("irps", "dpsn")  # alone: minutes an object, or the lights of one rig
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def entries(text: str) -> list[Entry]:
     InputError
         If a method or option does not exist, a value can't be read, or two entries have one name.
     """
-    everything = [name for name in METHODS if name not in SLOW]
+    everything = [name for name in METHODS if name not in BY_NAME]
     parts = everything if text.strip() == "all" else [p.strip() for p in text.split(",") if p.strip()]
     if not parts:
         raise InputError("--methods is empty; name methods like woodham,l1, or all.")

@@ -20,6 +20,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "psfcn": "photonormal.methods.learned.psfcn:PSFCN",
     "gps-net": "photonormal.methods.learned.gpsnet:GPSNetMethod",
     "cnn-ps": "photonormal.methods.learned.cnnps:CNNPS",
+    "dpsn": "photonormal.methods.learned.dpsn:DPSN",
     "irps": "photonormal.methods.learned.irps:IRPS",
     "woodham": "photonormal.methods.classical.woodham:Woodham",
     "trimmed": "photonormal.methods.classical.trimmed:Trimmed",
@@ -110,8 +111,8 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     Parameters
     ----------
     capture : photographs, mask and light directions
-    method : networks: normalnet, lambertian-prior, psfcn, gps-net, cnn-ps; irps, which learns on the object, for
-        minutes; classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic,
+    method : networks: normalnet, lambertian-prior, psfcn, gps-net, cnn-ps, dpsn; irps, which learns on the object,
+        for minutes; classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic,
         bipolynomial, bivariate
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name

@@ -50,29 +50,11 @@ class Season:
 
     def start(self) -> subprocess.Popen[bytes]:
         """The command, begun."""
-        words = [
-            "batch",
-            str(self.place / "season" / "*"),
-            "--out",
-            str(self.out),
-            "--method",
-            "woodham",
-            "--jobs",
-            "2",
-            "--json-lines",
-        ]
-        code = "import sys; from photonormal_command import main; sys.exit(main())"
-        return subprocess.Popen(
-            [sys.executable, "-c", code, *words], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=os.environ
-        )
+        return start(self.place, self.out)
 
     def state(self) -> dict[str, str]:
         """Digests of the normals of every capture that has some."""
-        found = {}
-        for path in sorted(self.out.glob("*/normals.npz")):
-            with np.load(path) as file:
-                found[path.parent.name] = hashlib.sha256(file["normals"].tobytes()).hexdigest()
-        return found
+        return digests(self.out)
 
     def kill(self, one_process: bool) -> list[str]:
         """One kill, and what is wrong once the command has been run to its end."""
@@ -101,13 +83,37 @@ class Season:
         faults = [] if code == 1 else [f"code {code}"]
         if self.state() != self.whole:
             faults.append(f"normals are {sorted(self.state())}, or others")
-        with (self.out / "summary.csv").open(encoding="utf-8-sig", newline="") as file:
-            told = {row["capture"]: row["state"] for row in csv.DictReader(file)}
+        told = states(self.out)
         if told != dict.fromkeys(self.whole, "done") | {BROKEN: "failed"}:
             faults.append(f"the summary tells {told}")
         if left := [str(p) for p in self.out.rglob(".photonormal-partial")]:
             faults.append(f"left {left}")
         return faults
+
+
+def start(place: Path, out: Path, *words: str) -> subprocess.Popen[bytes]:
+    """The command over the season that lies in `place`, begun."""
+    given = ["batch", str(place / "season" / "*"), "--out", str(out), "--method", "woodham", "--json-lines", *words]
+    given += [] if words else ["--jobs", "2"]
+    code = "import sys; from photonormal_command import main; sys.exit(main())"
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *given], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=os.environ
+    )
+
+
+def digests(out: Path) -> dict[str, str]:
+    """Digests of the normals of every capture that has some."""
+    found = {}
+    for path in sorted(out.glob("*/normals.npz")):
+        with np.load(path) as file:
+            found[path.parent.name] = hashlib.sha256(file["normals"].tobytes()).hexdigest()
+    return found
+
+
+def states(out: Path) -> dict[str, str]:
+    """What the summary tells of each capture."""
+    with (out / "summary.csv").open(encoding="utf-8-sig", newline="") as file:
+        return {row["capture"]: row["state"] for row in csv.DictReader(file)}
 
 
 def begun(batch: subprocess.Popen[bytes], count: int) -> int:

@@ -3,6 +3,7 @@
 Small captures of 12 images, 48 x 48 to 128 x 128 pixels. Told are: the seconds of the same measurements one after the
 other in one warm process; the batch over them, and the time that it needs more than those seconds divided by its
 processes; the memory of its processes, at their first captures and their last; and two local Dask workers against one.
+`--parts large` measures one large capture by two workers, each some rows, and by one. All workers have one thread.
 """
 
 from __future__ import annotations
@@ -13,10 +14,14 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+from large import SCENES, frame, render
 
+from photonormal.export import load_normals
 from photonormal.job import Job, carry_out
 from photonormal.types import cores
 
@@ -47,10 +52,15 @@ def run(season: Path, out: Path, *words: str) -> tuple[float, float, list[dict]]
     start = time.monotonic()
     command = [*COMMAND, "batch", str(season / "*"), "--out", str(out), "--json-lines", *words]
     events, begun, ended = [], 0.0, 0.0
+    at: dict[str, float] = {}  # when a capture was begun
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
             events.append(json.loads(line))
+            if events[-1]["event"] == "begun":
+                at[events[-1]["capture"]] = time.monotonic()
+            if events[-1]["event"] == "done":
+                events[-1]["elapsed"] = time.monotonic() - at[events[-1]["capture"]]
             ended = time.monotonic() if events[-1]["event"] == "done" else ended
             begun = begun or (time.monotonic() if events[-1]["event"] == "done" else 0.0)
     assert process.returncode == 0, events[-1]
@@ -62,7 +72,14 @@ def main() -> None:
     parser.add_argument("--captures", type=int, default=200)
     parser.add_argument("--method", default="woodham")
     parser.add_argument("--jobs", type=int, default=cores())
-    parser.add_argument("--parts", nargs="*", default=["one", "batch", "dask"], choices=["one", "batch", "dask"])
+    parser.add_argument(
+        "--parts", nargs="*", default=["one", "batch", "dask"], choices=["one", "batch", "dask", "large"]
+    )
+    parser.add_argument("--megapixels", type=float, default=24, help="of the large capture")
+    parser.add_argument("--images", type=int, default=6, help="of it")
+    parser.add_argument("--scene", choices=SCENES, default="turned", help="of it")
+    parser.add_argument("--large-method", default="normalnet", help="which it is measured by")
+    parser.add_argument("--words", nargs="*", default=[], help="more options for it, such as --words=--no-mesh")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         season, n = Path(place) / "season", given.captures
@@ -95,12 +112,42 @@ def main() -> None:
         if "dask" in given.parts:
             spans = {}
             for workers in (1, 2):
-                out = Path(place) / f"dask-{workers}"
-                whole, spans[workers], _ = run(season, out, *method, "--workers", str(workers))
-                print(
-                    f"{workers} Dask workers: {whole:.1f} s, {spans[workers]:.1f} s between first and last", flush=True
-                )
+                with scheduler(workers) as address:
+                    out = Path(place) / f"dask-{workers}"
+                    whole, spans[workers], _ = run(season, out, *method, "--scheduler", address)
+                print(f"{workers} Dask workers: {whole:.1f} s, {spans[workers]:.1f} s from first to last", flush=True)
             print(f"  two against one: {spans[1] / spans[2]:.2f} times, from the first result to the last")
+        if "large" in given.parts:
+            large(Path(place), given)
+
+
+@contextmanager
+def scheduler(workers: int) -> Iterator[str]:
+    """The address of a cluster of this machine, whose workers have one thread each."""
+    from distributed import LocalCluster
+
+    with LocalCluster(
+        n_workers=workers, threads_per_worker=1, memory_limit=None, dashboard_address="", silence_logs=50
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+def large(place: Path, given: argparse.Namespace) -> None:
+    """One large capture by one worker, and by two of which each solves some rows."""
+    h, w = frame(given.megapixels)
+    render(place / "large" / "one", given.scene, h, w, given.images, "jpg")
+    seconds, normals = {}, {}
+    for workers in (1, 2):
+        out = place / f"large-{workers}"
+        words = ("--method", given.large_method, "--split-megapixels", "1", *given.words)
+        with scheduler(workers) as address:
+            _, _, (done,) = run(place / "large", out, *words, "--scheduler", address)
+            seconds[workers] = done["elapsed"]
+        normals[workers] = load_normals(out / "one").map
+        told = json.loads((out / "one" / "report.json").read_text())["seconds"]
+        print(f"{w} x {h}, {workers} workers: {seconds[workers]:.1f} s; in the stages {told}", flush=True)
+    apart = np.abs(normals[1] - normals[2]).max()
+    print(f"  two against one: {seconds[1] / seconds[2]:.2f} times; normals differ by {apart:.1e} at most")
 
 
 if __name__ == "__main__":

@@ -95,7 +95,7 @@ def small_page(result: Result, name: str) -> bytes:
     maps = result.normals, result.albedo, result.surface, capture.truth
     shown = shown_of(name, *maps, result.report, unit, white, every)
     part = "" if every == 1 else f"one of {every} rows and columns of "
-    shown.about["notes"].append(f"This file holds {part}the result; `photonormal view` shows all, and the photographs.")
+    shown.about["notes"].append(f"This file holds {part}the result without photographs; `photonormal view` shows all.")
     return _one_file(shown, shown.about)
 
 

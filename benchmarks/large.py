@@ -108,14 +108,15 @@ def render(folder: Path, scene: str, h: int, w: int, n: int, suffix: str) -> Non
     np.savetxt(folder / "light_directions.txt", L)
 
 
-def fitting(images: int, nbytes: int, folder: Path) -> int:
-    """How many images of `nbytes` each the disk holds, up to `images`; says so where they are fewer."""
+def fitting(images: int, h: int, w: int, suffix: str, folder: Path) -> int:
+    """How many images the disk holds, up to `images`, each as a file and in the scratch file; says so where fewer."""
+    file, decoded = (h * w * 3 // 4, h * w * 3) if suffix == "jpg" else (h * w * 6, h * w * 6)
     free = shutil.disk_usage(folder).free - SPARE
-    held = min(images, free // nbytes)
+    held = min(images, free // (file + decoded))
     if held < 3:
-        raise SystemExit(f"{folder} has no room for three pictures of {nbytes / 1e6:.0f} MB; choose another --folder.")
+        raise SystemExit(f"{folder} has no room for three pictures of {h} x {w}; choose another --folder.")
     if held < images:
-        print(f"{folder} holds {held} images of {nbytes / 1e6:.0f} MB each, not {images}: so many are made.")
+        print(f"{folder} holds {held} images and their scratch file, not {images}: so many are made.")
     return int(held)
 
 
@@ -255,15 +256,11 @@ def main() -> None:
 
 def photographed(scene: str, h: int, w: int, arguments: argparse.Namespace) -> None:
     """Make a capture where there is none yet, measure it, print the figures."""
-    nbytes = h * w * 3 // 4 if arguments.format == "jpg" else h * w * 6
-    made = sorted(arguments.folder.glob(f"large-{scene}-{h}x{w}x*-{arguments.format}"))
-    n = (
-        len(list(made[0].glob(f"*.{arguments.format}")))
-        if made
-        else fitting(arguments.images, nbytes, arguments.folder)
-    )
-    folder = arguments.folder / f"large-{scene}-{h}x{w}x{n}-{arguments.format}"
-    if not made:
+    n, called = arguments.images, f"large-{scene}-{h}x{w}x{{}}-{arguments.format}"
+    if not (arguments.folder / called.format(n)).exists():
+        n = fitting(n, h, w, arguments.format, arguments.folder)
+    folder = arguments.folder / called.format(n)
+    if not folder.exists():
         render(folder, scene, h, w, n, arguments.format)
     before = processor_seconds()
     try:

@@ -113,10 +113,15 @@ class Rendered:
         return self.distance
 
 
-def scene(name: str, size: int) -> tuple[pn.Normals, np.ndarray]:
-    """The largest connected part of a rendered solid: exact normals, and heights in pixels (NaN elsewhere)."""
+def scene(name: str, size: int, turn_deg: float = 0, tilt_deg: float = 0) -> tuple[pn.Normals, np.ndarray]:
+    """The largest connected part of a rendered solid: exact normals, and heights in pixels (NaN elsewhere).
+
+    It may be turned about the upright axis and tilted before that.
+    """
     view = View(torch.zeros(1, 2), torch.full((1,), 1.1), size)
-    geometry = visible_surface(Rendered(SCENES[name]), view, torch.full((1, size * size), REACH))
+    geometry = visible_surface(
+        Rendered(lambda p: SCENES[name](turned(p, turn_deg, tilt_deg))), view, torch.full((1, size * size), REACH)
+    )
     parts, _ = label(geometry.mask[0].numpy())
     mask = parts == np.bincount(parts[parts > 0]).argmax()
     n = geometry.normals[0].permute(1, 2, 0).numpy() * mask[..., None]

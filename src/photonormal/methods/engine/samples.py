@@ -27,19 +27,23 @@ def by_pixel(method: Solver, capture: Capture, device: torch.device, rows: slice
     dtype = torch.float64 if method.needs.double else torch.float32
     L = all_lights(capture, device, dtype)
 
-    def solved(band: Band, s: slice) -> Solution:
+    before, p = (int(np.count_nonzero(capture.mask[some])) for some in (slice(0, rows.start), rows))
+    normals = torch.zeros(p, 3)  # filled as they come: joining parts would hold them twice
+
+    def solved(band: Band, s: slice) -> Float[Tensor, " q"] | None:
         I, at = band.I[s], slice(band.first + s.start, band.first + min(s.stop, len(band.I)))
         lights = lights_at(capture, at, device, dtype) if L is None else L
-        found = method(Observations(I.to(device, dtype), band.levels.lit(I).to(device), lights, band.is_metallic))
+        found = method(Observations(I.to(device, dtype), band.levels.lit(I).to(device), lights, band.is_metallic)).cpu()
+        normals[at.start - before : at.stop - before] = found.normals
         advance(len(I))
-        return found.cpu()
+        return found.told_deg
 
-    found = []
-    with progress("normals", int(capture.mask[rows].sum())) as advance:
+    told = []
+    with progress("normals", p) as advance:
         for band in bands(capture, L, rows):
             band.levels.cut_(band.I)
-            found += side_by_side(partial(solved, band), blocks(band.I.shape[0], band.I.shape[1], device), device)
-    return Solution.joined(found)
+            told += side_by_side(partial(solved, band), blocks(band.I.shape[0], band.I.shape[1], device), device)
+    return Solution(normals, None if told[0] is None else torch.cat(told))
 
 
 def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solution:
@@ -101,7 +105,7 @@ def grey_levels(capture: Capture, rows: slice | None = None, step: int = 1) -> F
     mask = np.zeros_like(capture.mask)
     mask[rows] = capture.mask[rows]
     spans = list(numbered(mask))  # a window of a whole frame would be large
-    some = [np.flatnonzero(mask[span, box[1]])[-pixels.start % step :: step] for span, pixels in spans]
+    some = [np.flatnonzero(mask[span, box[1]])[-pixels.start % step :: step].copy() for span, pixels in spans]
     I = np.empty((sum(map(len, some)), capture.images.shape[0]), np.float32)
 
     def read(j: int) -> None:

@@ -60,8 +60,9 @@ def encoded(
     frame: str = "opengl",
     mm_per_px: float | None = None,
     most_faces: int = 2_000_000,
+    white: float = 1.0,
 ) -> bytes | memoryview:
-    """The bytes of a file of that name, as `save` writes it."""
+    """The bytes of a file of that name, as `save` writes it; the albedo is 1 where it is `white`."""
     from photonormal.export import heights, mesh, normal_maps
 
     suffix = Path(name).suffix.lower()
@@ -73,7 +74,7 @@ def encoded(
         return normal_maps.WRITERS[suffix](result, frame)
     if suffix in heights.FORMATS:
         return heights.encode(result, suffix, mm_per_px)
-    return mesh.encode(result, suffix, normals, albedo, mm_per_px, most_faces)
+    return mesh.encode(result, suffix, normals, albedo, mm_per_px, most_faces, white)
 
 
 def load_normals(

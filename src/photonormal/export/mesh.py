@@ -66,14 +66,16 @@ def encode(
     albedo: np.ndarray | None,
     mm_per_px: float | None,
     most_faces: int = FACES,
+    white: float = 1.0,
 ) -> bytes | memoryview:
     """The bytes of a mesh; it leaves out pixels without depth.
 
     Every pixel is a vertex; where that makes more than about `most_faces` triangles, those of every second, third ...
     row and column are.
 
-    Every kind but .stl holds vertex normals, and colours where `albedo` is given: sRGB, linear in .glb as glTF wants
-    them. .obj and .glb hold the picture's coordinates, too: 0, 0 is its lower left corner, 1, 1 its upper right one.
+    Every kind but .stl holds vertex normals, and colours where `albedo` is given, over `white`: sRGB, linear in .glb as
+    glTF wants them. .obj and .glb hold the picture's coordinates, too: 0, 0 is its lower left corner, 1, 1 its upper
+    right one.
     """
     known = surface.mask & np.isfinite(surface.depth)
     if not known.any():
@@ -83,7 +85,7 @@ def encode(
     keep = known[some]
     points = vertices(Surface(surface.depth, known, surface.K), step) * scale_of(surface, mm_per_px)
     N = None if normals is None else normals.map[some][keep].astype(np.float64)
-    linear = None if albedo is None else albedo[some][keep]
+    linear = None if albedo is None else albedo[some][keep] / white
     if suffix == ".obj":
         return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(known, step))
     import trimesh

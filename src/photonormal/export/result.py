@@ -17,7 +17,6 @@ from photonormal.export.lights import lp, table
 from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, preview, thumbnail
-from photonormal.masked import taken
 from photonormal.png import SRGB, encode_png
 from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface, box_of, cores
@@ -54,8 +53,8 @@ def write_result(
 
     def mesh() -> None:
         assert surface is not None
-        shown = None if result.albedo is None else result.albedo / white
-        data = encoded(surface, "mesh.ply", normals, shown, mm_per_px=unit, most_faces=most_faces)
+        how: dict[str, Any] = {"mm_per_px": unit, "most_faces": most_faces, "white": white}
+        data = encoded(surface, "mesh.ply", normals, result.albedo, **how)
         folder.write("mesh.ply", data)
 
     jobs = [
@@ -84,8 +83,9 @@ def brightest(result: Result) -> float:
     """The albedo that is shown white: what is brightest on the object, highlights aside."""
     if result.albedo is None:
         return 1.0
-    values = taken(result.albedo, result.normals.mask)
-    return float(np.quantile(values[:: max(1, len(values) // ENOUGH)], 0.99)) or 1.0
+    step = max(1, int(np.sqrt(np.count_nonzero(result.normals.mask) / ENOUGH)))
+    values = result.albedo[::step, ::step][result.normals.mask[::step, ::step]]
+    return float(np.quantile(values, 0.99)) or 1.0 if len(values) else 1.0
 
 
 def pictures(result: Result, folder: Batch, white: float, linear_albedo: bool = False) -> None:

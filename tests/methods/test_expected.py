@@ -10,7 +10,7 @@ import photonormal as pn
 from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
-from photonormal.methods import METHODS, configure, expected, solve
+from photonormal.methods import METHODS, configure, expected, parse, solve
 from photonormal.methods.contract import Solution
 from photonormal.methods.expected import EVIDENCE, calibration_of, calibrations, evidence_of, terms, with_expected_error
 from photonormal.shading import half_vectors
@@ -44,7 +44,8 @@ UNCALIBRATED = {"irps", "gps-net", "attention-psn", "dr-psn", "cnn-ps", "lmps", 
 
 
 def test_every_method_is_calibrated_but_those_of_minutes():
-    assert set(METHODS) - set(calibrations()) <= UNCALIBRATED and set(calibrations()) <= set(METHODS)
+    calibrated = {parse(text)[0] for text in calibrations()}
+    assert set(METHODS) - calibrated <= UNCALIBRATED and calibrated <= set(METHODS)
 
 
 @pytest.mark.parametrize("method", CLASSICAL)
@@ -162,8 +163,9 @@ def test_a_calibration_counts_only_for_the_options_it_was_made_for(method):
 
 
 def test_calibrations_hold_for_the_methods_as_they_are():
-    for name in calibrations():
-        assert calibration_of(configure(name)) is calibrations()[name], name
+    for text in calibrations():
+        name, options = parse(text)
+        assert calibration_of(configure(name, **options)) is calibrations()[text], text
 
 
 def test_on_large_objects_errors_are_found_on_a_grid(monkeypatch):

@@ -19,6 +19,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "lambertian-prior": "photonormal.methods.learned.lambertian_prior:LambertianPrior",
     "psfcn": "photonormal.methods.learned.psfcn:PSFCN",
     "gps-net": "photonormal.methods.learned.gpsnet:GPSNetMethod",
+    "dr-psn": "photonormal.methods.learned.drpsn:DRPSN",
     "cnn-ps": "photonormal.methods.learned.cnnps:CNNPS",
     "dpsn": "photonormal.methods.learned.dpsn:DPSN",
     "irps": "photonormal.methods.learned.irps:IRPS",
@@ -111,9 +112,9 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     Parameters
     ----------
     capture : photographs, mask and light directions
-    method : networks: normalnet, lambertian-prior, psfcn, gps-net, cnn-ps, dpsn; irps, which learns on the object,
-        for minutes; classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic,
-        bipolynomial, bivariate
+    method : networks: normalnet, lambertian-prior, psfcn, gps-net, dr-psn, cnn-ps, dpsn; irps, which learns on the
+        object, for minutes; classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus,
+        monotonic, bipolynomial, bivariate
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from photonormal.capture import files_read
 from photonormal.disk import refuse_filled, refuse_taken
 from photonormal.export import load_normals
+from photonormal.files.opening import read_npz
 from photonormal.handover import FORMATS
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.types import Capture, InputError
@@ -41,10 +42,13 @@ def photographs_needed(result: Path, given: Path | None, what: str, otherwise: s
         If the folder holds no result, or the photographs are not there: it says where they were.
     """
     report = report_of(result)
-    normals = load_normals(result)
-    found, missing = photographs_of(report, given, normals.mask.shape)
+    mask = read_npz(result / "normals.npz", "measure again", ("mask",)).get("mask")
+    if mask is None:
+        raise InputError(f"{result / 'normals.npz'} holds no mask; measure again.")
+    found, missing = photographs_of(report, given, mask.shape)
     if found is None:
         said = f"{(missing or '').removesuffix('.')}, {otherwise}." if otherwise else missing
         where = f" They were in {report['source']}." if "source" in report else ""
         raise InputError(f"{what} fitted to the photographs of {result}, which are not there.{where} {said}")
-    return seen_as_distant(found, normals), files_read(given or report.get("source", ""), found)
+    distant = found if found.lamps is None else seen_as_distant(found, load_normals(result))
+    return distant, files_read(given or report.get("source", ""), found)

@@ -28,8 +28,6 @@ class SDPS(Learned):
 
     lights: str = ""
     name = "sdps"
-    passes = 1
-    prior = ""
     needs = Needs(images=LEAST, lights=False, finds_lights=True, reads="stream")
 
     def network(self) -> Network:

@@ -31,8 +31,8 @@ from photonormal.types import InputError
 
 ASKED, CHECKED = 0, 1  # batches of rendered windows
 WINDOWS = {"crop": 8, "crops": 16, "scenes": 32}
-PIXELS = 512  # of each
-ROUNDS = 3  # in which each lamp of the choice may be exchanged, at most
+PIXELS = 256  # of each
+ROUNDS = 2  # in which each lamp of the choice may be exchanged, at most
 DRAWS = 10  # choices by chance that it is compared with
 
 

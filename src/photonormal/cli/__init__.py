@@ -17,7 +17,7 @@ from photonormal.cli.batching import Batch, Watch
 from photonormal.cli.faults import fault, one_line
 from photonormal.cli.mapping import Convert, Integrate, Score
 from photonormal.cli.measuring import Measure, Methods
-from photonormal.cli.rigging import Calibrate, Check, Intensities, Mask
+from photonormal.cli.rigging import Calibrate, Check, Intensities, Lights, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
 from photonormal.cli.viewing import Export, View
 from photonormal.options import check
@@ -27,7 +27,7 @@ COMMANDS = (
     *(Measure, Score, Integrate, Convert, Methods),
     *(Batch, Watch),
     *(View, Export),
-    *(Calibrate, Check, Intensities, Mask),
+    *(Calibrate, Check, Intensities, Mask, Lights),
     *(Bench, Table, Figure, Report, Render, Train),
 )
 

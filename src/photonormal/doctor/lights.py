@@ -12,7 +12,7 @@ from photonormal.calibration.intensities import SHADOW, robust_normals, self_cal
 from photonormal.doctor.finding import Finding, listed
 from photonormal.doctor.frame import GIVEN, Surface, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
-from photonormal.doctor.misfit import MATT, Pixels
+from photonormal.doctor.misfit import MATT, OF_PART, Pixels
 from photonormal.doctor.order import BETTER, Orders, name_of
 from photonormal.geometry import angle_deg
 
@@ -22,6 +22,7 @@ SPREADS = 4.0  # and how many spreads of the other lights' factors
 LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
 EXPLAINED = 0.4  # of the misfit is left at most with those factors
 ANGLES_DEG = 6.0  # between a normal and the direction halfway to the light, by which orientations are told apart
+ORIENTATIONS = 5  # of them at least: fewer may all shine
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
 
@@ -107,17 +108,6 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     if np.median(after) > MATT:
         return []
     numbers = {"factors": [round(float(f), 4) for f in factor]}
-    spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
-    if spread > np.log(OFF):
-        before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
-        smoother = judged(even).curl < LESS_CURL * judged(before).curl
-        if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):
-            return []
-        message = (
-            f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
-            "give light_intensities.txt, or calibrate them."
-        )
-        return [Finding("intensities", True, message, numbers)]
 
     def confirmed(j: int) -> bool:
         others = replace(evened, lit=evened.lit & (np.arange(len(L)) != j))
@@ -126,8 +116,26 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         before, after = (np.abs(p.I[:, j] - shown) / pixels.level for p in (pixels, evened))
         after *= min(factor[j], 1)  # as they are in the darker of both
         angle = angle_deg(b, np.broadcast_to(L[j] + [0, 0, 1], b.shape))
-        oriented = replace(pixels, part=(angle // ANGLES_DEG).astype(int))
+        part = (angle // ANGLES_DEG).astype(int)
+        if (np.bincount(part[lit]) >= OF_PART).sum() < ORIENTATIONS:
+            return False
+        oriented = replace(pixels, part=part)
         return all(p.gain(before, after, lit).below(EXPLAINED) for p in (pixels, oriented))
+
+    spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
+    if spread > np.log(OFF):
+        before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
+        smoother = judged(even).curl < LESS_CURL * judged(before).curl
+        if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):
+            return []
+        off = np.flatnonzero(np.abs(np.log(factor)) > np.log(OFF)).tolist()
+        if 2 * sum(map(confirmed, off)) < len(off):
+            return []
+        message = (
+            f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
+            "give light_intensities.txt, or calibrate them."
+        )
+        return [Finding("intensities", True, message, numbers)]
 
     off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
     off = np.array([j for j in off if confirmed(int(j))], int)

@@ -24,7 +24,7 @@ from photonormal.methods.engine.windows import Box
 from photonormal.types import Capture, Image, LightsAt
 
 PRIOR = "l1"  # the network's at half the resolution: pixels there mix what few lights reach with what many do
-BENT_DEG = 6.0  # by which normals are bent where their detail counts for 1 / e
+BENT_DEG = 12.0  # by which normals are bent where their detail counts for 1 / e
 SHARE = 8  # halved pictures are kept where this part of the memory holds them; else made again for each look
 ROWS = 256  # of half the resolution, carried at a time
 

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from photonormal import progress
 from photonormal.batch import workers
 from photonormal.batch.work import work
 from photonormal.cli import main
@@ -31,8 +32,10 @@ def here(monkeypatch):
 
 
 @pytest.fixture
-def batch(tmp_path, capsys):
+def batch(tmp_path, capsys, monkeypatch):
     """Run the command over captures into `results`; gives its code, and what it printed."""
+
+    monkeypatch.setattr(progress, "EVERY", 3600.0)  # no line of how far it is, however busy the machine
 
     def run(*words, captures=None, command="batch") -> tuple[int, str, str]:
         captures = [tmp_path / "season" / "*"] if captures is None else captures

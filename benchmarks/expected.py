@@ -34,7 +34,8 @@ from photonormal.methods.expected import FILE, FITTED, MadeFor, evidence_of, lin
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 
-NETWORKS = ("lambertian-prior", "normalnet", "psfcn", "gps-net", "dr-psn")  # fitted on every third block of scenes
+# fitted on every third block of scenes
+NETWORKS = ("lambertian-prior", "normalnet", "psfcn", "gps-net", "dr-psn", "attention-psn")
 STEP: dict[str, int] = dict.fromkeys(("rpca", *NETWORKS), 1) | dict.fromkeys(("table", "ward", "consensus"), 3)
 # of rows and columns; others: 4. These look at all pixels, or many of them, together
 KEPT = 16  # one in so many pixels, where every row and column is used

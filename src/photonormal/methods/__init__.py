@@ -20,6 +20,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "psfcn": "photonormal.methods.learned.psfcn:PSFCN",
     "gps-net": "photonormal.methods.learned.gpsnet:GPSNetMethod",
     "dr-psn": "photonormal.methods.learned.drpsn:DRPSN",
+    "attention-psn": "photonormal.methods.learned.attentionpsn:AttentionPSN",
     "cnn-ps": "photonormal.methods.learned.cnnps:CNNPS",
     "lmps": "photonormal.methods.learned.lmps:LMPS",
     "dpsn": "photonormal.methods.learned.dpsn:DPSN",
@@ -114,9 +115,9 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     Parameters
     ----------
     capture : photographs, mask and light directions
-    method : networks: normalnet, lambertian-prior, psfcn, gps-net, dr-psn, cnn-ps, lmps, dpsn, and sdps, which finds
-        the lights; irps, which learns on the object, for minutes; classical: woodham, trimmed, l1, sbl, rpca, median,
-        ransac, table, ward, consensus, monotonic, bipolynomial, bivariate
+    method : networks: normalnet, lambertian-prior, psfcn, gps-net, dr-psn, attention-psn, cnn-ps, lmps, dpsn, and
+        sdps, which finds the lights; irps, which learns on the object, for minutes; classical: woodham, trimmed, l1,
+        sbl, rpca, median, ransac, table, ward, consensus, monotonic, bipolynomial, bivariate
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name
 

@@ -112,15 +112,15 @@ def test_published_figures_stand_beside_ours_with_the_difference(ninety_six, run
 
 
 def test_methods_that_only_others_have_come_apart_and_when_asked(ninety_six, run):
-    assert "SDPS-Net" not in run("table", ninety_six)[1]
+    assert "Manifold-PSN" not in run("table", ninety_six)[1]
     printed = run("table", ninety_six, "--published")[1]
     apart = printed.split("Published by others, not measured here")[1]
-    assert "| SDPS-Net [Chen 2019] | 2.77 | 6.89 |" in apart and "the average takes bear" in apart
-    assert "SDPS-Net" not in printed.split("Published by others")[0]
+    assert "| Manifold-PSN | 3.05 | 6.31 |" in apart and "the average takes bear" in apart
+    assert "Manifold-PSN" not in printed.split("Published by others")[0]
     assert "| PS-FCN [" not in apart  # it can be measured here
-    row = next(line for line in apart.splitlines() if line.startswith("| SDPS-Net"))
+    row = next(line for line in apart.splitlines() if line.startswith("| Manifold-PSN"))
     assert "| average of 3 | average as printed |" in apart
-    assert row.endswith("| 5.91 | 9.51 |")  # (2.77 + 6.89 + 8.06) / 3
+    assert row.endswith("| 5.19 | 8.09 |")  # (3.05 + 6.31 + 6.22) / 3
 
 
 def test_a_method_with_other_options_is_not_set_beside_published_figures(root, tmp_path):

@@ -53,7 +53,7 @@ def test_lambertian_images_are_albedo_times_cosine():
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_shadows_only_take_light_and_the_bounce_only_adds_some(seed):
-    shapes = (0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0)
+    shapes = (0.0, 0.0, 1.0, 1.0, 0.0, 1.0, 1.0, 0.0)
     base = {"shapes": shapes, "ambient": 0.0}
     plain, _, _ = rendered({**base, "shadows": False, "bounce": 0.0}, seed)
     shadowed, _, _ = rendered({**base, "bounce": 0.0}, seed)

@@ -308,6 +308,18 @@ def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
         run(tmp_path / "third", replace(TINY, config={"width": 8, "blocks": 3}), start_from=first)
 
 
+def test_weights_may_go_half_of_the_way_from_those_they_began_with(tmp_path):
+    first = run(tmp_path / "first", replace(TINY, steps=6))
+    whole = load(run(tmp_path / "whole", replace(TINY, steps=6, seed=1), start_from=first))
+    half = load(run(tmp_path / "half", replace(TINY, steps=6, seed=1, moved=0.5), start_from=first))
+    for a, b, between in zip(*(net.parameters() for net in (load(first), whole, half)), strict=True):
+        torch.testing.assert_close(between, (a + b) / 2, atol=1e-5, rtol=2**-7)  # written in bf16
+    with pytest.raises(InputError, match="give --start-from FILE"):
+        run(tmp_path / "none", replace(TINY, moved=0.5))
+    with pytest.raises(InputError, match="a share above 0"):
+        replace(TINY, moved=0.0)
+
+
 def run_steps(out, steps, recipe=TINY, **options):
     """Train until the checkpoint after `steps`, then stop without warning."""
 
@@ -426,7 +438,7 @@ mine = slice(fabric.global_rank * 4 // world, (fabric.global_rank + 1) * 4 // wo
 batch = Batch(*(x[mine] for x in (images * mask[:, None], lights, normals * mask, mask)))
 recipe = Recipe(images=(5, 5))
 seen = observe(batch, recipe, net.scaling, 0, vary=False)
-loss = objective.of_normals(model, seen, recipe, 0, 1, fabric)
+loss = objective.of_normals(model, net, seen, recipe, 1, fabric)
 fabric.backward(loss)
 if fabric.global_rank == 0:
     torch.save({k: p.grad for k, p in net.named_parameters()}, out + f"/{world}.pt")

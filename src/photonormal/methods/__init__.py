@@ -18,6 +18,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "normalnet": "photonormal.methods.learned.normalnet:NormalNetMethod",
     "lambertian-prior": "photonormal.methods.learned.lambertian_prior:LambertianPrior",
     "psfcn": "photonormal.methods.learned.psfcn:PSFCN",
+    "psfcn-normalised": "photonormal.methods.learned.psfcn:PSFCNNormalised",
     "gps-net": "photonormal.methods.learned.gpsnet:GPSNetMethod",
     "dr-psn": "photonormal.methods.learned.drpsn:DRPSN",
     "attention-psn": "photonormal.methods.learned.attentionpsn:AttentionPSN",
@@ -115,9 +116,9 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     Parameters
     ----------
     capture : photographs, mask and light directions
-    method : networks: normalnet, lambertian-prior, psfcn, gps-net, dr-psn, attention-psn, cnn-ps, lmps, dpsn, and
-        sdps, which finds the lights; irps, which learns on the object, for minutes; classical: woodham, trimmed, l1,
-        sbl, rpca, median, ransac, table, ward, consensus, monotonic, bipolynomial, bivariate
+    method : networks: normalnet, lambertian-prior, psfcn, psfcn-normalised, gps-net, dr-psn, attention-psn, cnn-ps,
+        lmps, dpsn, and sdps, which finds the lights; irps, which learns on the object, for minutes; classical: woodham,
+        trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic, bipolynomial, bivariate
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name
 

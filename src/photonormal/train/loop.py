@@ -110,6 +110,8 @@ def train(
     rank, world = fabric.global_rank, fabric.world_size
     if recipe.batch % world:
         raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
+    if recipe.moved < 1 and not start_from:
+        raise InputError(f"a recipe with moved={recipe.moved:g} needs weights to begin with; give --start-from FILE.")
     begun = load(Path(start_from), recipe.network) if start_from else None
     if disk and rank == 0:
         disk.check()
@@ -121,6 +123,7 @@ def train(
     net: Model = placed(build(recipe.network, recipe.built), "cpu")
     if begun is not None:
         begin(net, begun)
+    origin = {k: v.clone() for k, v in net.state_dict().items()} if recipe.moved < 1 else {}
     for key, p in net.named_parameters():
         p.requires_grad_(key.startswith(recipe.learn))
     mean = {k: v.clone() for k, v in net.state_dict().items()} if recipe.ema else {}  # running mean of the weights
@@ -158,7 +161,7 @@ def train(
     def validated() -> dict[str, dict[str, float]]:
         """Errors on every exam and on the real objects, written into the journal."""
         assert journal is not None
-        best = averaged(net, mean)
+        best = moved(averaged(net, mean), origin, recipe.moved)
         with computing_in(precision):
             found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
             found["real"] = on_real(best, fabric.device, recipe)
@@ -232,7 +235,7 @@ def train(
             "device": f"{world} x {device_name(fabric.device)}",
             "precision": precision,
         }
-        export(out, name, averaged(net, mean), told | version())
+        export(out, name, moved(averaged(net, mean), origin, recipe.moved), told | version())
         journal.close()
     fabric.barrier()
     return path
@@ -313,6 +316,17 @@ def averaged(net: M, mean: dict[str, torch.Tensor]) -> M:
     copy = type(net)(net.config)
     copy.load_state_dict(mean)
     return placed(copy, next(iter(mean.values())).device)
+
+
+def moved(net: M, origin: dict[str, torch.Tensor], share: float) -> M:
+    """A copy of the network a share of the way from other weights to its own, or itself for the whole way.
+
+    Wortsman et al., "Robust fine-tuning of zero-shot models" (CVPR 2022): what the former weights knew stays.
+    """
+    if share == 1:
+        return net
+    weights = net.state_dict()
+    return averaged(net, {k: v.to(weights[k]).lerp(weights[k], share) for k, v in origin.items()})
 
 
 def version() -> dict[str, str]:

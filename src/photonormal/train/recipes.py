@@ -35,6 +35,8 @@ class Recipe:
     clip : largest norm of the gradient; 0: any
     ema : share of the past that the running mean of the weights keeps at each step; 0: none. Where there is one, it is
         what validation measures and the weights file holds
+    moved : how much of the way from the weights it began with (`--start-from`) to those it learned is what validation
+        measures and the weights file holds; less than 1 keeps more of what the former knew
     priors : names of classical methods and their shares of the batches; "truth": the truth tilted by up to 30 degrees
     passes : how often the network looks at a batch, its own normals being the prior from the second time on; all
         passes are in the loss
@@ -71,6 +73,7 @@ class Recipe:
     muon: float = 0.0
     clip: float = 0.0
     ema: float = 0.0
+    moved: float = 1.0
     priors: tuple[tuple[str, float], ...] = (("woodham", 1.0),)
     passes: int = 1
     once: int = 0
@@ -94,6 +97,8 @@ class Recipe:
             raise InputError(f"no schedule {self.schedule!r}; choose halving, cosine or flat.")
         if self.loss not in ("cosine", "chord"):
             raise InputError(f"no loss {self.loss!r}; choose cosine or chord.")
+        if not 0 < self.moved <= 1:
+            raise InputError(f"moved {self.moved} came but a share above 0, at most 1, is needed.")
 
     @property
     def built(self) -> dict[str, Any]:
@@ -191,6 +196,7 @@ NORMALNET_ON = replace(
     schedule="cosine",
     warmup=20,
     ema=0.98,
+    moved=0.5,
     once=0,
     validate=150,
     exams=("clean", "hemisphere", "dark"),

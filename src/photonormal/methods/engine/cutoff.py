@@ -19,11 +19,8 @@ LEVELS = 255
 FEWEST, SPREAD = 20, 0.1  # lights, and relative deviation of their intensities, that can tell
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
 MIDDLING = 0.35, 0.85  # quantiles of a pixel's shading between which its samples are taken: no shadow, no highlight
-LOST, MOST, SURE = (
-    0.22,
-    0.8,
-    0.1,
-)  # levels: least and most for a half to be missing, and largest deviation of what is told
+LOST, MOST = 0.22, 0.8  # levels that samples lack, for a half to be given back
+SURE = 0.1  # largest deviation of how many they lack
 TRIES, OUTLIERS, FAR = 1000, 0.4, 4.0  # of a few lights each; share of images that may be wrong; deviations
 
 
@@ -73,6 +70,7 @@ def _robust(A: Float[np.ndarray, "n k"], y: Float[np.ndarray, " n"]) -> tuple[fl
     few = np.argsort(g.random((TRIES, n)), axis=1)[:, : k + 4]
     found = (np.linalg.pinv(A[few]) @ y[few][..., None])[..., 0]  # (tries, k)
     c = found[np.quantile(np.abs(y - found @ A.T), 1 - OUTLIERS, axis=1).argmin()]
+    s, w = np.inf, np.ones(n)
     for _ in range(20):
         residual = y - A @ c
         s = 1.48 * np.median(np.abs(residual)) + 1e-12

@@ -47,7 +47,7 @@ def test_an_average_is_over_the_same_objects():
 
 def test_others_are_named_once():
     names = [r.name.split(" [")[0].rstrip("†") for r in others("diligent", 96)]
-    assert len(names) == len(set(names)) > 30 and {"MT-PS-CNN", "PX-Net", "PS-FCN (Norm.)"} <= set(names)
+    assert len(names) == len(set(names)) > 30 and {"MT-PS-CNN", "PX-Net", "Manifold-PSN"} <= set(names)
 
 
 def test_rows_are_of_methods_that_exist_or_will():

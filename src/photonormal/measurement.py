@@ -78,7 +78,7 @@ def measure(
     samples, warnings, told = None, [], None
     findings: list[Finding] = []
     from photonormal.methods.engine import check as check_needs
-    from photonormal.methods.engine import on_mask, run, with_lights
+    from photonormal.methods.engine import on_mask, run_as_it_is, with_lights
     from photonormal.methods.engine.cutoff import given_back
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
@@ -117,7 +117,7 @@ def measure(
         )
     with _stage("solve", seconds):
         with computing_in(precision):
-            found = joined(parts, capture) if parts else run(solver, whole, where)
+            found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
             computed_in = number_format(where) if solver.needs.reads == "stream" else None
         normals = on_mask(found, capture)
     lit = with_lights(whole, found)

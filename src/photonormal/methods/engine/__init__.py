@@ -27,14 +27,18 @@ def run(method: Method, capture: Capture, device: torch.device, rows: slice | No
     """
     from photonormal.methods.engine.cutoff import given_back
 
+    return run_as_it_is(method, given_back(capture) if method.needs.lights else capture, device, rows)
+
+
+def run_as_it_is(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
+    """The same of a capture that has got back what cutting off took."""
     check(method, capture)
     if capture.lamps is not None and not method.needs.finds_lights:
         from photonormal.methods.engine.near import UnderLamps
 
         found = UnderLamps(lambda c: under_distant_lights(method, c, device))(capture)
     else:
-        whole = given_back(capture) if method.needs.lights else capture
-        found = under_distant_lights(method, whole, device, rows)
+        found = under_distant_lights(method, capture, device, rows)
     return found if rows else not_dark(found, capture)
 
 

@@ -17,11 +17,9 @@ from torch.nn import functional as F
 from photonormal.methods.inputs.edges import gradient
 from photonormal.methods.inputs.grey import grey
 from photonormal.methods.learned.lambertian_prior import over_images
-from photonormal.methods.learned.layers import SLOPE, conv, deconv, kaiming, unit
+from photonormal.methods.learned.layers import SLOPE, conv, deconv, kaiming
 from photonormal.methods.learned.method import Learned
-from photonormal.methods.learned.network import Network, at_pixels
-from photonormal.methods.learned.pooling import Pooled
-from photonormal.methods.learned.weights import load
+from photonormal.methods.learned.psfcn import FusedNetwork
 
 BEGIN = 0.1  # of Kaiming's weights, with which a bottleneck begins beside its shortcut
 
@@ -43,7 +41,7 @@ class AttentionPSNConfig:
     prior: str = ""
 
 
-class AttentionPSNNet(Network):
+class AttentionPSNNet(FusedNetwork):
     """Scaled images (b, n, 3, h, w) and lights (b, n, 3) to unit normals (b, 3, h, w); sizes are multiples of 4."""
 
     Config: ClassVar[type] = AttentionPSNConfig
@@ -70,19 +68,6 @@ class AttentionPSNNet(Network):
         for module in self.modules():
             if isinstance(module, Bottleneck):
                 module.last.weight.data.mul_(BEGIN)
-
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> None:
-        return None
-
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
-        b, k, _, h, w = images.shape
-        lights = at_pixels(lights).expand(b, k, 3, h, w).to(images.dtype)
-        phi = torch.cat([images.expand(b, k, 3, h, w), lights], dim=2)  # (b, k, 6, h, w)
-        x = self.extractor(phi.flatten(0, 1).contiguous(memory_format=torch.channels_last))
-        return Pooled(over_images(x, k))
-
-    def look(self, digested: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return unit(self.regressor(digested.maximum))
 
     def teach(
         self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], pooled: Any, N: Tensor
@@ -131,6 +116,3 @@ class AttentionPSN(Learned):
     """Attention-PSN (Ju, Lam, Chen, Qi, Dong, IJCAI 2020): learned with a loss that heeds edges; no prior."""
 
     name = "attention-psn"
-
-    def network(self) -> Network:
-        return load(self.file, self.name)

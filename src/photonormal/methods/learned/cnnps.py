@@ -9,10 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.methods.inputs.maps import seen_from_above
-from photonormal.methods.learned.maps import TURNS, DenseNet, MapNetwork
-from photonormal.methods.learned.method import Weighted
-from photonormal.methods.learned.weights import load
-from photonormal.options import Turns
+from photonormal.methods.learned.maps import DenseNet, MapNetwork, OfMaps
 
 
 @dataclass(frozen=True)
@@ -52,22 +49,15 @@ class CNNPSNet(MapNetwork):
 
 
 @dataclass(frozen=True)
-class CNNPS(Weighted):
+class CNNPS(OfMaps):
     """CNN-PS (Ikehata, ECCV 2018): each pixel by itself, from its observation map.
 
     The network knows no direction around the view as another; the mean over turns of the lights evens out what it has
-    learned of each.
+    learned of each; the paper takes ten.
 
     Parameters
     ----------
-    turns : how many turns of the lights about the view the normals are a mean of (10 in the paper); the work grows
-        with them
+    weights, turns : see OfMaps
     """
 
     name = "cnn-ps"
-    turns: Turns = TURNS
-
-    def network(self) -> CNNPSNet:
-        net = load(self.file, "cnn-ps")
-        net.turns = self.turns
-        return net

@@ -15,7 +15,6 @@ from photonormal.methods.learned.layers import unit
 from photonormal.methods.learned.method import Weighted
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.pooling import Pooled
-from photonormal.methods.learned.weights import load
 from photonormal.shading import normalised
 from photonormal.types import InputError
 
@@ -100,6 +99,3 @@ class DPSN(Weighted):
     """
 
     name = "dpsn"
-
-    def network(self) -> DPSNNet:
-        return load(self.file, "dpsn")

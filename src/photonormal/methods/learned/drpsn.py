@@ -19,7 +19,6 @@ from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network, at_pixels
 from photonormal.methods.learned.pooling import Pooled
 from photonormal.methods.learned.psfcn import PSFCNConfig, PSFCNNet
-from photonormal.methods.learned.weights import load
 
 
 @dataclass(frozen=True)
@@ -94,6 +93,3 @@ class DRPSN(Learned):
     """DR-PSN (Ju, Dong, Chen, IEEE TIP 2021): learned to render its images back; no prior."""
 
     name = "dr-psn"
-
-    def network(self) -> Network:
-        return load(self.file, self.name)

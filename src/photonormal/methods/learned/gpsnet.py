@@ -15,7 +15,6 @@ from photonormal.methods.learned.layers import Block, conv, kaiming, unit
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.pooling import Pooled, pool
-from photonormal.methods.learned.weights import load
 
 RELATION = 10  # channels between a leaf and its relation
 SLOPE = 0.2  # of their LeakyReLU
@@ -126,6 +125,3 @@ class GPSNetMethod(Learned):
 
     name = "gps-net"
     needs: ClassVar[Needs] = Needs(images=4, reads="stream")
-
-    def network(self) -> Network:
-        return load(self.file, self.name)

@@ -21,7 +21,6 @@ from photonormal.methods.learned.layers import Block, conv, deconv, kaiming, uni
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network, at_pixels
 from photonormal.methods.learned.pooling import Pooled, pool
-from photonormal.methods.learned.weights import load
 from photonormal.types import InputError
 
 LADDERS = {3: (1, 1, 1), 5: (2, 2, 1), 6: (2, 2, 2), 7: (2, 2, 3)}  # blocks at full, half and quarter resolution
@@ -180,7 +179,3 @@ class LambertianPrior(Learned):
 
     prior: str = ""
     name = "lambertian-prior"
-    passes = 1
-
-    def network(self) -> Network:
-        return load(self.file, self.name)

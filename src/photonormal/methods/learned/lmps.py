@@ -13,10 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.methods.inputs.maps import by_angles
-from photonormal.methods.learned.maps import TURNS, DenseNet, MapNetwork
-from photonormal.methods.learned.method import Weighted
-from photonormal.methods.learned.weights import load
-from photonormal.options import Turns
+from photonormal.methods.learned.maps import DenseNet, MapNetwork, OfMaps
 
 
 @dataclass(frozen=True)
@@ -58,18 +55,12 @@ class LMPSNet(MapNetwork):
 
 
 @dataclass(frozen=True)
-class LMPS(Weighted):
+class LMPS(OfMaps):
     """LMPS (Li et al., CVPR 2019): each pixel by itself, from a small observation map; made for few lights.
 
     Parameters
     ----------
-    turns : how many turns of the lights about the view the normals are a mean of; the work grows with them
+    weights, turns : see OfMaps
     """
 
     name = "lmps"
-    turns: Turns = TURNS
-
-    def network(self) -> LMPSNet:
-        net = load(self.file, "lmps")
-        net.turns = self.turns
-        return net

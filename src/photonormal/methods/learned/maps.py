@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from math import pi
 from typing import Any
 
@@ -12,8 +13,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from photonormal.methods.inputs.maps import about_view, brightest_one, observation_maps
+from photonormal.methods.learned.method import Weighted
 from photonormal.methods.learned.network import Network, at_pixels
 from photonormal.methods.learned.pooling import Pooled
+from photonormal.options import Turns
 
 TURNS = 2  # unless a method is asked for others
 MAPS = 256  # that a network looks at together: what it makes of them suits a processor's cache
@@ -67,6 +70,24 @@ class MapNetwork(Network, ABC):
 
     def look(self, digested: Float[Tensor, "b h w 3"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
         return F.normalize(digested.permute(0, 3, 1, 2), dim=1)
+
+
+@dataclass(frozen=True)
+class OfMaps(Weighted):
+    """A network of observation maps that measures.
+
+    Parameters
+    ----------
+    turns : how many turns of the lights about the view the normals are a mean of; the work grows with them
+    """
+
+    turns: Turns = TURNS
+
+    def network(self) -> Network:
+        net = super().network()
+        assert isinstance(net, MapNetwork)
+        net.turns = self.turns
+        return net
 
 
 class DenseNet(nn.Module):

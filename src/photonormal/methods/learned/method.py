@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
 from photonormal.methods.contract import Needs
 from photonormal.methods.learned.network import Network
-from photonormal.methods.learned.weights import checksum, shipped
+from photonormal.methods.learned.weights import checksum, load, shipped
 from photonormal.options import Rotations
 
 
 @dataclass(frozen=True)
-class Weighted(ABC):
+class Weighted:
     """A network that measures; in quarter turns of the photographs nothing is to gain.
 
     Parameters
@@ -30,9 +29,9 @@ class Weighted(ABC):
     prior = ""
     fast = False
 
-    @abstractmethod
     def network(self) -> Network:
         """The network with its weights."""
+        return load(self.file, self.name)
 
     def lights_network(self) -> Any:
         """None: lights are given."""

@@ -23,7 +23,6 @@ from photonormal.methods.learned.layers import SLOPE, Block, conv
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
-from photonormal.methods.learned.weights import load
 from photonormal.options import Effort
 from photonormal.types import InputError
 
@@ -203,6 +202,3 @@ class NormalNetMethod(Learned):
     passes: Effort = 2
     fast: bool = False
     name = "normalnet"
-
-    def network(self) -> Network:
-        return load(self.file, self.name)

@@ -35,7 +35,27 @@ class PSFCNConfig:
     prior: str = ""
 
 
-class PSFCNNet(Network):
+class FusedNetwork(Network):
+    """Images and lights, one by one through an extractor, fused by the maximum, to unit normals by a regressor."""
+
+    extractor: nn.Module
+    regressor: nn.Module
+
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> None:
+        return None
+
+    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
+        b, k, _, h, w = images.shape
+        lights = at_pixels(lights).expand(b, k, 3, h, w).to(images.dtype)
+        phi = torch.cat([images.expand(b, k, 3, h, w), lights], dim=2)  # (b, k, 6, h, w)
+        x = self.extractor(phi.flatten(0, 1).contiguous(memory_format=torch.channels_last))
+        return Pooled(over_images(x, k))
+
+    def look(self, digested: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        return unit(self.regressor(digested.maximum))
+
+
+class PSFCNNet(FusedNetwork):
     """Scaled images (b, n, 3, h, w) and lights (b, n, 3) to unit normals (b, 3, h, w); sizes are multiples of 4."""
 
     Config: ClassVar[type] = PSFCNConfig
@@ -57,27 +77,12 @@ class PSFCNNet(Network):
         )
         kaiming(self)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> None:
-        return None
-
-    def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
-        b, k, _, h, w = images.shape
-        lights = at_pixels(lights).expand(b, k, 3, h, w).to(images.dtype)
-        phi = torch.cat([images.expand(b, k, 3, h, w), lights], dim=2)  # (b, k, 6, h, w)
-        x = self.extractor(phi.flatten(0, 1).contiguous(memory_format=torch.channels_last))
-        return Pooled(over_images(x, k))
-
-    def look(self, digested: Pooled, n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return unit(self.regressor(digested.maximum))
-
 
 @dataclass(frozen=True)
 class PSFCN(Learned):
     """PS-FCN (Chen, Han, Wong, ECCV 2018): no prior."""
 
     name = "psfcn"
-    passes = 1
-    prior = ""
 
     def network(self) -> Network:
         return psfcn(self.file, normalised=False)
@@ -88,8 +93,6 @@ class PSFCNNormalised(Learned):
     """PS-FCN on normalised observations (Chen, Han, Shi, Matsushita, Wong, TPAMI 2020): no prior."""
 
     name = "psfcn-normalised"
-    passes = 1
-    prior = ""
 
     def network(self) -> Network:
         return psfcn(self.file, normalised=True)

@@ -29,6 +29,7 @@ def here(monkeypatch):
             yield work(named)
 
     monkeypatch.setattr(workers, "run", run)
+    monkeypatch.setattr(workers, "begin_loading", lambda: None)
 
 
 @pytest.fixture

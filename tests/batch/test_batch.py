@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import photonormal as pn
-from photonormal.batch import state
+from photonormal.batch import state, workers
 from tests.batch.conftest import cut, normals
 
 
@@ -76,6 +76,15 @@ def test_what_is_stale_is_named_and_made_again(season, tmp_path, here, batch, mo
 
 
 made = state.Job.made
+
+
+def test_where_nothing_is_to_be_done_no_process_begins(season, batch, here, monkeypatch):
+    started = []
+    monkeypatch.setattr(workers, "begin_loading", lambda: started.append(True))
+    assert batch()[0] == 0 and started == [True]
+    monkeypatch.undo()
+    monkeypatch.setattr(workers, "begin_loading", lambda: started.append(True))
+    assert "0 measured, 3 were done" in batch()[1] and started == [True]
 
 
 def test_results_of_other_options_are_refused(season, tmp_path, here, batch):

@@ -12,14 +12,13 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
-from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from photonormal import progress
 from photonormal.batch.captures import Named
 from photonormal.batch.state import record_failure
-from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, work
+from photonormal.batch.work import At, Begun, Outcome, use_threads, work
 from photonormal.files import memory
 from photonormal.types import cores
 
@@ -41,21 +40,6 @@ PATIENCE_S = 10.0  # for processes that are to end
 def how_many(jobs: int | None, captures: int) -> int:
     """Processes at a time: as asked for, or as many as there are cores and the memory allowed holds."""
     return min(captures, jobs or min(cores(), max(1, memory.allowed() // EACH)))
-
-
-@contextlib.contextmanager
-def processes(jobs: int | None = None) -> Iterator[Measured]:
-    """What measures captures in `jobs` processes of this machine; None: as many as cores and memory allow.
-
-    On Linux they come of one process that has loaded everything, and begins to in the meantime.
-    """
-    if _context().get_start_method() == "forkserver":
-        from multiprocessing import forkserver
-
-        multiprocessing.set_forkserver_preload(list(LOADED))
-        with _without_ctrl_c():
-            forkserver.ensure_running()
-    yield partial(run, jobs=jobs)
 
 
 def _context() -> Any:
@@ -82,21 +66,41 @@ class Worker:
             self.pipe.send(named)
 
 
+def begin_loading() -> None:
+    """On Linux the processes come of one that has loaded everything; it begins to, if it has not."""
+    if _context().get_start_method() == "forkserver":
+        from multiprocessing import forkserver
+
+        multiprocessing.set_forkserver_preload(list(LOADED))
+        with _without_ctrl_c():
+            forkserver.ensure_running()
+
+
 def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:
-    """What comes of the captures, as it comes, from `jobs` processes; None: as many as cores and memory allow."""
+    """What comes of the captures, as it comes, from `jobs` processes; None: as many as cores and memory allow.
+
+    One that has ended a capture has the next before the outcome is told.
+    """
+    if not waiting:
+        return
+    begin_loading()
     count = how_many(jobs, len(waiting))
     todo, died = deque(waiting), Counter()
     workers: list[Worker] = []
-    threads, nbytes = max(1, cores() // max(1, count)), memory.allowed() // max(1, count)
+    threads, nbytes = max(1, cores() // count), memory.allowed() // count
+
+    def give(worker: Worker) -> None:
+        if todo:
+            named = todo.popleft()
+            worker.begin(named)
+            begun(named.name, f"process {worker.process.pid}")
+
     try:
         while todo or any(w.named for w in workers):
             while todo and len(workers) < count:
                 workers.append(Worker(threads, nbytes))
-            for worker in workers:
-                if worker.named is None and todo:
-                    named = todo.popleft()
-                    worker.begin(named)
-                    begun(named.name, f"process {worker.process.pid}")
+            for worker in [w for w in workers if w.named is None]:
+                give(worker)
             for pipe in wait([w.pipe for w in workers if w.named]):
                 worker = next(w for w in workers if w.pipe is pipe)
                 named = worker.named
@@ -114,6 +118,7 @@ def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None)
                     continue
                 if isinstance(said, Outcome):
                     worker.named = None
+                    give(worker)
                     yield said
                 else:
                     at(named.name, *said)

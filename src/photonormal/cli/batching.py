@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
@@ -42,10 +43,11 @@ class Going:
     json_lines: bool = False
     """Print what happens as a JSON object in each line."""
 
-    def measured(self) -> AbstractContextManager[Measured]:
-        """What measures the captures: processes of this machine, or a cluster's workers."""
+    def measured(self, soon: bool) -> AbstractContextManager[Measured]:
+        """What measures the captures: processes of this machine, or a cluster's workers; `soon`: it is certain that
+        they will be needed."""
         from photonormal.batch.cluster import cluster
-        from photonormal.batch.workers import processes
+        from photonormal.batch.workers import begin_loading, run
 
         if self.scheduler or self.workers:
             return cluster(self.scheduler, self.workers, self.split_megapixels)
@@ -53,7 +55,9 @@ class Going:
             raise InputError(
                 "--split-megapixels needs a cluster, whose workers share a capture; add --scheduler or --workers."
             )
-        return processes(self.jobs)
+        if soon:
+            begin_loading()
+        return nullcontext(partial(run, jobs=self.jobs))
 
     def tells(self) -> Callable[..., None]:
         """What tells of events."""
@@ -82,7 +86,7 @@ class Batch:
 
         like, going = of_all(self), self.batch
         found = jobs(self.captures, self.out, like, kinds())
-        with going.measured() as measured:
+        with going.measured(soon=not all(named.job.out.exists() for named in found)) as measured:
             done = run(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)
         return 1 if done["failed"] else 0
 
@@ -108,7 +112,7 @@ class Watch:
         from photonormal.batch.watch import watch
 
         like, going = of_all(self), self.batch
-        with going.measured() as measured:
+        with going.measured(soon=True) as measured:
 
             def measure(paths: Sequence[Path]) -> None:
                 found = jobs([str(path) for path in paths], self.out, like, {})

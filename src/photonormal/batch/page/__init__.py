@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -68,7 +69,7 @@ def _row(row: Row) -> str:
     opened = quote(os.fsencode(row.page)) if row.page else f"{folder}/preview.png" if made else f"{folder}/"
     picture = f'<a href="{opened}">{image}</a>' if made else ""
     cells = [
-        f'<th scope="row"><a href="{opened}">{escape(row.capture)}</a><small>{links}</small></th>',
+        f'<th scope="row"><a href="{opened}">{_name(row.capture)}</a><small>{links}</small></th>',
         f"<td>{picture}</td>",
         _degrees(row.expected_error_deg),
         _number(row.error_deg, 2),
@@ -79,6 +80,11 @@ def _row(row: Row) -> str:
         f"<td>{escape(row.method)}</td>",
     ]
     return f'<tr data-kind="{kinds}">{"".join(cells)}</tr>'
+
+
+def _name(capture: str) -> str:
+    """A name that may go on in the next line after a slash, an underscore or a point."""
+    return re.sub(r"([/_.])", r"\1<wbr>", escape(capture))
 
 
 def _degrees(value: float | None) -> str:
@@ -94,9 +100,10 @@ def _number(value: float | None, digits: int) -> str:
 
 
 def _findings(row: Row) -> str:
-    """How many, in colours, and what they say; a failure's line in its place."""
+    """How many, in colours, and what they say; in place of them that it failed, and why."""
     if row.state == "failed":
-        return f'<td data-value="1e9" class="text"><span class="failed">failed</span> {escape(row.failure)}</td>'
+        told = f'<details><summary><span class="failed">failed</span></summary>{escape(row.failure)}</details>'
+        return f'<td data-value="1e9" class="text">{told}</td>'
     if row.state != "done":
         return '<td class="text">not begun</td>'
     grave, notes = row.grave or 0, (row.findings or 0) - (row.grave or 0)

@@ -13,4 +13,7 @@ def to_linear(encoded: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape
 
 def from_linear(linear: Float[np.ndarray, "*shape"]) -> Float[np.ndarray, "*shape"]:
     """sRGB-encoded values in [0, 1] from linear radiance in [0, 1]."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    encoded = np.asarray(linear ** (1 / 2.4))
+    encoded *= 1.055
+    encoded -= 0.055
+    return np.multiply(linear, 12.92, out=encoded, where=linear <= 0.0031308)

@@ -1,5 +1,7 @@
 """Arrays on disk are the arrays that were stored, whichever rows are asked for."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,12 @@ def test_rows_are_what_was_put_there_and_zero_before():
         assert np.array_equal(kept[:], VALUES) and np.array_equal(kept[3:40:7], VALUES[3:40:7])
         kept[1:3] = 5
         assert (kept[1:3] == 5).all() and np.array_equal(kept[3:4], VALUES[3:4])
+
+
+def test_a_disk_without_room_is_told(monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(10**6, 10**6, 1000))
+    with pytest.raises(InputError, match=r"4\.2 KB is needed but .* has 1 KB free; .*TMPDIR"):
+        Rows((50, 7, 3), np.float32)
 
 
 @pytest.mark.parametrize("save", [np.savez, np.savez_compressed])

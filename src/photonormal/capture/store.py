@@ -8,16 +8,12 @@ from __future__ import annotations
 
 import logging
 import mmap
-import os
-import shutil
-import tempfile
 from collections.abc import Callable
 from threading import Lock
 
 import numpy as np
 
 from photonormal.files import memory
-from photonormal.types import InputError
 
 log = logging.getLogger(__name__)
 
@@ -94,25 +90,13 @@ class Store:
         return self._blocks
 
     def _scratch(self) -> np.ndarray:
-        folder, nbytes = memory.scratch_folder(), self._nbytes(SIDE, SIDE)
-        free = shutil.disk_usage(folder).free
-        if nbytes > free:
-            raise InputError(
-                f"the photographs need a scratch file of {memory.text_of(nbytes)} but {folder} has "
-                f"{memory.text_of(free)} free; free some, set TMPDIR to a folder on another disk, or allow more "
-                f"memory, such as --memory {memory.text_of(SHARE * nbytes, '')}."
+        nbytes = self._nbytes(SIDE, SIDE)
+        enough = memory.text_of(SHARE * nbytes, "")
+        with memory.scratch_file(nbytes, f", or allow more memory, such as --memory {enough}") as file:
+            log.warning(
+                "%s of photographs are kept in a scratch file in %s", memory.text_of(nbytes), memory.scratch_folder()
             )
-        log.warning("%s of photographs are kept in a scratch file in %s", memory.text_of(nbytes), folder)
-        with tempfile.TemporaryFile(prefix="photonormal-", dir=folder) as file:
-            try:
-                if hasattr(os, "posix_fallocate"):
-                    os.posix_fallocate(file.fileno(), 0, nbytes)
-                return np.memmap(file, self.dtype, "r+", shape=self._laid_out(SIDE, SIDE))
-            except OSError as error:
-                raise InputError(
-                    f"a scratch file of {memory.text_of(nbytes)} can't be written in {folder} ({error.strerror}); set "
-                    "TMPDIR to a folder on another disk, or allow more memory with --memory."
-                ) from None
+            return np.memmap(file, self.dtype, "r+", shape=self._laid_out(SIDE, SIDE))
 
     def _laid_out(self, a: int, b: int) -> tuple[int, ...]:
         n, h, w, c = self.shape

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-
-import numpy as np
+from typing import IO
 
 from photonormal.types import InputError
 
@@ -66,11 +64,33 @@ def scratch_folder() -> Path:
     return Path(tempfile.gettempdir())
 
 
-@contextmanager
-def scratch(shape: tuple[int, ...], dtype: type) -> Iterator[np.ndarray]:
-    """An array of zeros on disk; nothing is left of it afterwards."""
-    with tempfile.TemporaryFile(prefix="photonormal-", dir=scratch_folder()) as file:
-        yield np.memmap(file, dtype, "w+", shape=shape)
+def scratch_file(nbytes: int, otherwise: str = "") -> IO[bytes]:
+    """A file of so many bytes without a name, which is gone once it is closed or the process ends.
+
+    Raises
+    ------
+    InputError
+        If the disk has no room for it; `otherwise` is what else may be done.
+    """
+    folder = scratch_folder()
+    free = shutil.disk_usage(folder).free
+    if nbytes > free:
+        raise InputError(
+            f"a scratch file of {text_of(nbytes)} is needed but {folder} has {text_of(free)} free; free some, set "
+            f"TMPDIR to a folder on another disk{otherwise}."
+        )
+    file = tempfile.TemporaryFile(prefix="photonormal-", dir=folder)
+    try:
+        file.truncate(nbytes)
+        if nbytes and hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, nbytes)
+    except OSError as error:
+        file.close()
+        raise InputError(
+            f"a scratch file of {text_of(nbytes)} can't be written in {folder} ({error.strerror}); set TMPDIR to a "
+            f"folder on another disk{otherwise}."
+        ) from None
+    return file
 
 
 @cache

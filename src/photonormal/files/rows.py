@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from math import prod
@@ -20,14 +19,13 @@ BLOCK = 2**24  # bytes copied at a time
 class Rows:
     """An array in a scratch file, zeros at first: ``rows[a:b]`` is a copy of a part, ``rows[a:b] = values`` sets one.
 
-    Slices may skip rows when they are read. The file has no name: it is gone once it is closed, or the process ends.
+    Slices may skip rows when they are read. InputError where the disk has no room for it.
     """
 
     def __init__(self, shape: tuple[int, ...], dtype: np.dtype | type) -> None:
         self.shape, self.dtype = shape, np.dtype(dtype)
         self._row = prod(shape[1:]) * self.dtype.itemsize
-        self._file = tempfile.TemporaryFile(prefix="photonormal-", dir=memory.scratch_folder())
-        self._file.truncate(shape[0] * self._row)
+        self._file = memory.scratch_file(shape[0] * self._row)
 
     def __enter__(self) -> Rows:
         return self

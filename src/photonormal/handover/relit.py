@@ -6,15 +6,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+import numpy as np
+
 from photonormal.disk import at_once, refuse_taken
-from photonormal.export import load_normals
-from photonormal.export.pictures import read_albedo
+from photonormal.export.normal_maps import frame_of
+from photonormal.export.pictures import albedo_samples, is_encoded, linear
+from photonormal.files.opening import read_npz
+from photonormal.files.rows import Rows, npz_rows
+from photonormal.geometry import from_frame
 from photonormal.handover.opened import photographs_needed
+from photonormal.handover.surfaces import bands
 from photonormal.png import SRGB, encode_png
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, films
 from photonormal.relighting.pictures import Relit, direction, fitted, matt
-from photonormal.types import InputError, box_of
+from photonormal.types import InputError, Normals, box_of
 from photonormal.view.result import report_of
 
 ELEVATION = 45.0  # degrees, of a sweep unless said
@@ -102,13 +108,23 @@ def _fitted(result: Path, capture: Path | None, by: str, out: Path, overwrite: b
 @contextmanager
 def _matt(result: Path) -> Iterator[Relit]:
     report_of(result)
-    normals, file = load_normals(result), result / "albedo.png"
+    path, file = result / "normals.npz", result / "albedo.png"
     if not file.is_file():
         raise InputError(f"{result} holds no albedo.png, which --by matt needs; measure again.")
-    albedo = read_albedo(file)
-    if albedo.shape != normals.map.shape:
-        raise InputError(
-            f"{file} is {albedo.shape[:2]} but normals.npz beside it is {normals.mask.shape}; measure again."
-        )
-    box = box_of(normals.mask)
-    yield matt(normals.map[box], albedo[box])
+    colours = albedo_samples(file)
+    with npz_rows(path, "measure again", ("normals", "mask")) as found:
+        if found.keys() != {"normals", "mask"}:
+            raise InputError(f"{path} holds no normals and mask; measure again.")
+        mask = found["mask"][:]
+        if colours.shape[:2] != mask.shape:
+            raise InputError(f"{file} is {colours.shape[:2]} but {path.name} beside it is {mask.shape}; measure again.")
+        frame = frame_of(read_npz(path, "measure again", ("axes",)).get("axes"), path)
+        lines, columns = box_of(mask)
+        size, encoded = (lines.stop - lines.start, columns.stop - columns.start), is_encoded(file, colours)
+        with Rows((*size, 3), np.float32) as normals, Rows((*size, 3), np.float32) as albedo:
+            for rows in bands(*size):
+                inside = slice(lines.start + rows.start, lines.start + rows.stop)
+                part = Normals(found["normals"][inside][:, columns], mask[inside, columns]).map
+                normals[rows] = part if frame is None else from_frame(part, frame)
+                albedo[rows] = linear(colours[inside, columns], encoded)
+            yield matt(normals, albedo)

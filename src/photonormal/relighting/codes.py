@@ -25,11 +25,12 @@ class Codes:
     zero: Float[np.ndarray, " k"]
 
     @classmethod
-    def of(cls, parts: Iterable[Float[np.ndarray, "_ k"]]) -> Codes:
+    def of(cls, parts: Iterable[Float[np.ndarray, "... k"]]) -> Codes:
         """Codes whose range reaches from the least to the largest, and to 0: what is outside the mask is black."""
         low = high = np.zeros(1)
         for C in parts:
-            low, high = np.minimum(low, C.min(0)), np.maximum(high, C.max(0))
+            each = tuple(range(C.ndim - 1))
+            low, high = np.minimum(low, C.min(each)), np.maximum(high, C.max(each))
         step = np.maximum(high - low, 1e-6) / LEVELS
         return cls(step, np.rint(-low / step))
 
@@ -38,7 +39,3 @@ class Codes:
         levels = C / self.step.astype(np.float32)
         levels += self.zero.astype(np.float32)
         return np.rint(levels, out=levels).clip(0, 255, out=levels).astype(np.uint8)
-
-    def __getitem__(self, which: int | slice | np.ndarray) -> Codes:
-        """Those of some coefficients."""
-        return Codes(self.step[which], self.zero[which])

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.files.rows import Rows
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS
 from photonormal.relighting.codes import Codes
-from photonormal.relighting.fit import Band, Fit
+from photonormal.relighting.fit import Fit, pieces
 from photonormal.types import Capture, InputError
 
 LARGEST = 2**31 - 1  # bytes: many viewers count them in 32 bits
@@ -20,7 +23,7 @@ LARGEST = 2**31 - 1  # bytes: many viewers count them in 32 bits
 def write(capture: Capture, kind: str, path: Path) -> None:
     """Fit the photographs, and write the fit of the mask's box to a file; pixels outside the mask are black.
 
-    The photographs are gone through twice, some rows at a time: for the coefficients' ranges, then to store them.
+    The photographs are gone through once, some rows at a time; coefficients lie on disk until their ranges are known.
 
     Parameters
     ----------
@@ -42,73 +45,71 @@ def write(capture: Capture, kind: str, path: Path) -> None:
             f"a {kind} file of {w} x {h} pixels would have {size} bytes but viewers read at most {LARGEST}; measure a "
             "part of the photographs with --crop, or reduce them with --scale."
         )
-    white = fit.white()
-    split = _lrgb if lrgb else _rgb
-    with progress("fit to the light", 2 * int(capture.mask.sum())) as advance:
-
-        def bands() -> Iterator[tuple[Band, np.ndarray, np.ndarray]]:
-            for band in fit.bands(white):
-                yield band, *split(band)
-                advance(len(band.coefficients))
-
-        codes = Codes.of(C.swapaxes(1, 2).reshape(-1, k) for _, C, _ in bands())
-        if kind.startswith("ptm"):
-            _ptm(path, (h, w), bands(), codes, channels=1 if lrgb else 3)
-        else:
-            _rti(path, (h, w), bands(), codes)
+    B = fit.basis(capture.known_lights())
+    store = partial(_lrgb, gram=(B.T @ B).astype(np.float32)) if lrgb else _ptm if kind == "ptm-rgb" else _rti
+    with fit.layers() as layers, path.open("wb") as file:
+        store(file, layers)
 
 
-def _rgb(band: Band) -> tuple[Float[np.ndarray, "p k 3"], np.ndarray]:
-    """Coefficients of red, green and blue."""
-    return band.rgb, np.empty((len(band.rgb), 0))
+def _stored(layers: list[Rows]) -> Iterator[tuple[slice, np.ndarray]]:
+    """Some rows after the other, while progress is told."""
+    with progress("file", layers[0].shape[0]) as advance:
+        for rows, C in pieces(layers):
+            yield rows, C
+            advance(rows.stop - rows.start)
 
 
-def _lrgb(band: Band) -> tuple[Float[np.ndarray, "p k 1"], Float[np.ndarray, "p 3"]]:
-    """Coefficients of one luminance, and a colour, of at most 1, that multiplies it: least squares over the lights."""
-    Y = band.shown.mean(-1)  # (p, n)
-    colour = (band.shown * Y[..., None]).sum(1) / np.maximum((Y**2).sum(1), 1e-9)[:, None]
-    colour = np.broadcast_to(colour, (len(Y), 3))
-    most = np.maximum(colour.max(1), 1e-9)
-    return band.coefficients.mean(-1, keepdims=True) * most[:, None, None], colour / most[:, None]
+def _ptm(file: BinaryIO, layers: list[Rows]) -> None:
+    """A block for each of red, green and blue."""
+    h, w, _ = layers[0].shape
+    codes = Codes.of(np.moveaxis(C, 0, -1) for _, C in pieces(layers))
+    start = _begun(file, "PTM_FORMAT_RGB", (h, w), codes)
+    for rows, C in _stored(layers):
+        for channel in range(3):
+            file.seek(start + (channel * h + h - rows.stop) * w * 6)
+            file.write(codes(np.moveaxis(C[..., channel], 0, -1))[::-1].tobytes())
 
 
-def _ptm(path: Path, size: tuple[int, int], bands: Iterator, codes: Codes, channels: int) -> None:
-    """Coefficients are (code - bias) scale in 255ths of white; rows from the bottom to the top. A block for each
-    channel, RGB; of one channel, the luminance of LRGB, a block of colours follows."""
+def _lrgb(file: BinaryIO, layers: list[Rows], gram: Float[np.ndarray, "k k"]) -> None:
+    """A block of one luminance's coefficients, and one of colours of at most 1 that multiply it: what is nearest to
+    red, green and blue over all lights, of which `gram` are the basis' products."""
+    h, w, _ = layers[0].shape
+
+    def parted(C: np.ndarray) -> tuple[Float[np.ndarray, "rows w k"], Float[np.ndarray, "rows w 3"]]:
+        Y = C @ np.full(3, 1 / 3, np.float32)  # (k, rows, w)
+        GY = np.tensordot(gram, Y, 1)
+        colour = np.stack([(C[..., channel] * GY).sum(0) for channel in range(3)])  # (3, rows, w)
+        colour /= np.maximum((Y * GY).sum(0), 1e-9)
+        most = np.maximum(colour.max(0), 1e-9)
+        return np.moveaxis(Y * most, 0, -1), np.moveaxis((colour / most).clip(0), 0, -1)
+
+    codes = Codes.of(parted(C)[0] for _, C in pieces(layers))
+    start = _begun(file, "PTM_FORMAT_LRGB", (h, w), codes)
+    for rows, C in _stored(layers):
+        Y, colour = parted(C)
+        file.seek(start + (h - rows.stop) * w * 6)
+        file.write(codes(Y)[::-1].tobytes())
+        file.seek(start + h * w * 6 + (h - rows.stop) * w * 3)
+        file.write(np.rint(255 * colour).astype(np.uint8)[::-1].tobytes())
+
+
+def _begun(file: BinaryIO, form: str, size: tuple[int, int], codes: Codes) -> int:
+    """A .ptm up to its blocks, whose rows go from the bottom to the top, and where they start.
+
+    Coefficients are (code - bias) scale in 255ths of white.
+    """
     h, w = size
-    lrgb = channels == 1
     numbers = " ".join(f"{255 * s:.9g}" for s in codes.step), " ".join(f"{int(z)}" for z in codes.zero)
-    lines = ["PTM_1.2", "PTM_FORMAT_LRGB" if lrgb else "PTM_FORMAT_RGB", str(w), str(h), *numbers]
-    start = "".join(f"{line}\n" for line in lines).encode()
-    body = _body(path, start, h * w * (9 if lrgb else 18))
-    blocks = body[: channels * h * w * 6].reshape(channels, h, w, 6)[:, ::-1]
-    colours = body[channels * h * w * 6 :].reshape(h, w, -1)[::-1]
-    for y in range(h):
-        blocks[:, y] = codes.zero
-    for band, C, colour in bands:
-        for channel in range(channels):
-            blocks[channel, band.rows][band.on] = codes(C[..., channel])
-        if lrgb:
-            colours[band.rows][band.on] = np.rint(255 * colour)
-    body.flush()
+    lines = ["PTM_1.2", form, str(w), str(h), *numbers]
+    return file.write("".join(f"{line}\n" for line in lines).encode())
 
 
-def _rti(path: Path, size: tuple[int, int], bands: Iterator, codes: Codes) -> None:
+def _rti(file: BinaryIO, layers: list[Rows]) -> None:
     """Coefficients are code / 255 scale + bias, white is 1; rows from the top, in each pixel red, green, blue."""
-    h, w = size
-    k = len(codes.step)
-    start = f"#HSH1.2\r\n3\r\n{w} {h} 3\r\n{k} 2 1\r\n".encode()
-    ranges = np.concatenate([255 * codes.step, -codes.zero * codes.step]).astype("<f4").tobytes()
-    stored = _body(path, start + ranges, h * w * 3 * k)
-    body = stored.reshape(h, w, 3, k)
-    for y in range(h):
-        body[y] = codes.zero
-    for band, C, _ in bands:
-        body[band.rows][band.on] = codes(C.swapaxes(1, 2))
-    stored.flush()
-
-
-def _body(path: Path, start: bytes, size: int) -> np.memmap:
-    """A file that begins so, and the bytes that follow."""
-    path.write_bytes(start)
-    return np.memmap(path, np.uint8, "r+", offset=len(start), shape=(size,))
+    h, w, _ = layers[0].shape
+    k = len(layers)
+    codes = Codes.of(np.moveaxis(C, 0, -1) for _, C in pieces(layers))
+    file.write(f"#HSH1.2\r\n3\r\n{w} {h} 3\r\n{k} 2 1\r\n".encode())
+    file.write(np.concatenate([255 * codes.step, -codes.zero * codes.step]).astype("<f4").tobytes())
+    for _, C in _stored(layers):
+        file.write(codes(np.moveaxis(C, 0, -1)).tobytes())

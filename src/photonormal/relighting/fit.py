@@ -2,48 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
-from photonormal.masked import row_bands
+from photonormal.files.rows import Rows
+from photonormal.masked import picked, row_bands
 from photonormal.methods.engine import plan
+from photonormal.progress import progress
 from photonormal.relighting.bases import Basis
 from photonormal.srgb import from_linear
-from photonormal.types import Capture, InputError, box_of
+from photonormal.types import Capture, InputError, Mask, box_of
 
 ROWS = 256  # of each photograph that tell what is white
 BRIGHTEST = 0.999  # share of the samples that are at most white
-
-
-@dataclass(frozen=True)
-class Band:
-    """The fit of some rows of the mask's box.
-
-    Parameters
-    ----------
-    rows : which rows of the box
-    on : (h, w) bool, where the mask has pixels in them
-    coefficients : (p, k, c) of those pixels
-    shown : (p, n, c) the samples that were fitted: sRGB-encoded, from 0 to 1
-    """
-
-    rows: slice
-    on: Bool[np.ndarray, "h w"]
-    coefficients: Float[np.ndarray, "p k c"]
-    shown: Float[np.ndarray, "p n c"]
-
-    @property
-    def rgb(self) -> Float[np.ndarray, "p k 3"]:
-        """Coefficients of red, green and blue, alike where the photographs are grey."""
-        return np.broadcast_to(self.coefficients, (*self.coefficients.shape[:2], 3))
+PIXELS = 2**17  # fitted at a time: memory that is asked for anew costs more than reading in smaller parts
+BLOCK = 2**15  # samples encoded at a time: they fit into a cache
+PIECE = 2**20  # numbers of all layers that are worked on at a time
 
 
 @dataclass(frozen=True)
 class Fit:
-    """The least-squares fit of a capture's photographs, as they look on a screen, by a basis; found anew when asked.
+    """The least-squares fit of a capture's photographs, as they look on a screen, by a basis.
 
     Where lights are too few or too alike to tell all terms, the shortest coefficients are taken.
 
@@ -87,26 +70,61 @@ class Fit:
 
         return max(float(max(self.capture.each_image(samples))), 1e-6)
 
-    def bands(self, white: float) -> Iterator[Band]:
-        """The whole fit, some rows after the other."""
-        capture = self.capture
-        n, _, _, c = capture.images.shape
-        box = box_of(capture.mask)
-        shared = None if capture.lights_at is not None else np.linalg.pinv(self.basis(capture.known_lights()))
+    @contextmanager
+    def layers(self) -> Iterator[list[Rows]]:
+        """The coefficients (h, w, c) of each term over the mask's box, on disk; outside the mask they are 0."""
+        mask, box = self.capture.mask, box_of(self.capture.mask)
+        white, c = self.white(), self.capture.images.shape[3]
         first = 0
-        for rows in row_bands(capture.mask, plan.pixels(capture)):
-            on = capture.mask[rows, box[1]]
-            shown = np.empty((int(on.sum()), n, c), np.float32)
+        with ExitStack() as kept:
+            layers = [kept.enter_context(Rows((*self.size, c), np.float32)) for _ in range(self.terms)]
+            with progress("fit to the light", int(mask.sum())) as advance:
+                for rows in row_bands(mask, min(PIXELS, plan.pixels(self.capture))):
+                    on = mask[rows, box[1]]
+                    shown = self._shown(rows, box[1], on, white)
+                    fitted = self._fitted(shown, slice(first, first + shown.shape[1]))
+                    first += shown.shape[1]
+                    for layer, values in zip(layers, fitted, strict=True):
+                        part = np.zeros((*on.shape, c), np.float32)
+                        part[on] = values
+                        layer[rows.start - box[0].start : rows.stop - box[0].start] = part
+                    advance(shown.shape[1])
+            yield layers
 
-            def read(j: int, rows: slice = rows, on: np.ndarray = on, shown: np.ndarray = shown) -> None:
-                shown[:, j] = from_linear((capture.window(j, rows, box[1])[on] / white).clip(0, 1))
+    def _shown(self, rows: slice, columns: slice, on: Mask, white: float) -> Float[np.ndarray, "n p c"]:
+        """What the photographs show of the pixels `on` of a window, sRGB-encoded, from 0 to 1."""
+        n, _, _, c = self.capture.images.shape
+        shown = np.empty((n, int(on.sum()), c), np.float32)
 
-            capture.each_image(read)
-            here = slice(first, first + len(shown))
-            first = here.stop
-            inverse = shared
-            if inverse is None:
-                assert capture.lights_at is not None
-                inverse = np.linalg.pinv(self.basis(capture.lights_at[here].astype(np.float64)))
-            inside = slice(rows.start - box[0].start, rows.stop - box[0].start)
-            yield Band(inside, on, inverse.astype(np.float32) @ shown, shown)
+        def read(j: int) -> None:
+            linear, encoded = picked(self.capture.window(j, rows, columns), on).reshape(-1), shown[j].reshape(-1)
+            for first in range(0, len(linear), BLOCK):
+                block = slice(first, first + BLOCK)
+                encoded[block] = from_linear((linear[block] / np.float32(white)).clip(0, 1))
+
+        self.capture.each_image(read)
+        return shown
+
+    def _fitted(self, shown: Float[np.ndarray, "n p c"], pixels: slice) -> Float[np.ndarray, "k p c"]:
+        """The coefficients of some of the mask's pixels."""
+        n, p, c = shown.shape
+        lights_at = self.capture.lights_at
+        if lights_at is None:
+            inverse = np.linalg.pinv(self.basis(self.capture.known_lights())).astype(np.float32)
+            return (inverse @ shown.reshape(n, -1)).reshape(-1, p, c)
+        fitted = np.empty((self.terms, p, c), np.float32)
+        for first in range(0, p, max(1, BLOCK // n)):
+            some = slice(first, min(first + max(1, BLOCK // n), p))
+            B = self.basis(lights_at[pixels.start + some.start : pixels.start + some.stop].astype(np.float64))
+            fitted[:, some] = (np.linalg.pinv(B) @ shown[:, some].swapaxes(0, 1)).swapaxes(0, 1)
+        return fitted
+
+
+def pieces(layers: Sequence[Rows | np.ndarray]) -> Iterator[tuple[slice, Float[np.ndarray, "k rows w 3"]]]:
+    """Some rows after the other of all layers; red, green and blue are alike where the photographs are grey."""
+    h, w, c = layers[0].shape
+    rows = max(1, PIECE // (len(layers) * w * c))
+    for y in range(0, h, rows):
+        some = slice(y, min(y + rows, h))
+        part = np.stack([layer[some] for layer in layers])
+        yield some, np.broadcast_to(part, (*part.shape[:3], 3))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -10,14 +10,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from photonormal.files.memory import scratch
-from photonormal.progress import progress
+from photonormal.files.rows import Rows
 from photonormal.relighting.bases import Basis
-from photonormal.relighting.fit import Fit
+from photonormal.relighting.fit import Fit, pieces
 from photonormal.srgb import from_linear
 from photonormal.types import Capture
-
-ROWS = 256  # of a picture made at a time
 
 
 @dataclass(frozen=True)
@@ -26,52 +23,44 @@ class Relit:
 
     Parameters
     ----------
-    layers : (k, h, w, 3) the parts that a picture is made from
+    layers : the parts that a picture is made from, each (h, w, 1 or 3)
     shown : from some rows of them, (k, rows, w, 3), and a unit light to what a screen shows, from 0 to 1
     """
 
-    layers: Float[np.ndarray, "k h w 3"]
+    layers: Sequence[Rows | np.ndarray]
     shown: Callable[[np.ndarray, Float[np.ndarray, " 3"]], np.ndarray]
 
     def __call__(self, light: Float[np.ndarray, " 3"]) -> UInt8[np.ndarray, "h w 3"]:
         """An RGB picture under a light."""
-        picture = np.empty(self.layers.shape[1:], np.uint8)
-        for y in range(0, len(picture), ROWS):
-            rows = slice(y, y + ROWS)
-            picture[rows] = np.rint(255 * self.shown(np.asarray(self.layers[:, rows]), light).clip(0, 1))
+        picture = np.empty((*self.layers[0].shape[:2], 3), np.uint8)
+        for rows, part in pieces(self.layers):
+            picture[rows] = np.rint(255 * self.shown(part, light).clip(0, 1))
         return picture
 
     def reduced(self, side: int, multiple: int = 1) -> Relit:
         """The same with sides of at most `side` pixels, multiples of `multiple`."""
-        h, w = self.layers.shape[1:3]
+        h, w = self.layers[0].shape[:2]
         scale = min(1.0, side / max(h, w))
         size = [max(multiple, round(scale * length / multiple) * multiple) for length in (w, h)]
-        layers = [cv2.resize(np.asarray(layer), size, interpolation=cv2.INTER_AREA) for layer in self.layers]
-        return Relit(np.stack(layers), self.shown)
+        small = (cv2.resize(layer[:], size, interpolation=cv2.INTER_AREA) for layer in self.layers)
+        return Relit([layer.reshape(size[1], size[0], -1) for layer in small], self.shown)
 
 
 @contextmanager
 def fitted(capture: Capture, basis: Basis) -> Iterator[Relit]:
     """By the fit to photographs, cut to the mask's box, black outside it; its coefficients lie on disk."""
-    fit = Fit(capture, basis)
-    white = fit.white()
-    with scratch((fit.terms, *fit.size, 3), np.float32) as layers:
-        with progress("fit to the light", int(capture.mask.sum())) as advance:
-            for band in fit.bands(white):
-                for j, layer in enumerate(layers):
-                    layer[band.rows][band.on] = band.rgb[:, j]
-                advance(len(band.rgb))
-        yield Relit(layers, lambda C, light: np.einsum("khwc,k->hwc", C, basis(light).astype(np.float32)))
+    with Fit(capture, basis).layers() as layers:
+        yield Relit(layers, lambda C, light: np.tensordot(basis(light).astype(np.float32), C, 1))
 
 
-def matt(normals: Float[np.ndarray, "h w 3"], albedo: Float[np.ndarray, "h w 3"]) -> Relit:
+def matt(normals: Rows, albedo: Rows) -> Relit:
     """As a matt surface would look, without cast shadows and gloss; `albedo` is linear, from 0 to 1."""
 
     def shown(layers: np.ndarray, light: np.ndarray) -> np.ndarray:
         cos = np.maximum(layers[0] @ light.astype(np.float32), 0)
         return from_linear((layers[1] * cos[..., None]).clip(0, 1))
 
-    return Relit(np.stack([normals, albedo]).astype(np.float32), shown)
+    return Relit([normals, albedo], shown)
 
 
 def direction(azimuth_deg: float, elevation_deg: float) -> Float[np.ndarray, " 3"]:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 
 import numpy as np
 
 from photonormal.disk import Batch
-from photonormal.files.memory import scratch
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, deepzoom
 from photonormal.relighting.codes import Codes
-from photonormal.relighting.fit import Band, Fit
+from photonormal.relighting.fit import Fit, pieces
 from photonormal.types import Capture, InputError
 
 QUALITY = 95  # of JPEG
@@ -49,29 +47,19 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
             "tiles, or measure at a smaller --scale."
         )
     order = PTM if k == len(PTM) else list(range(k))
-    white = fit.white()
-    with (
-        progress("fit to the light", 2 * int(capture.mask.sum())) as advance,
-        scratch((k, h, w, 3), np.uint8) as planes,
-    ):
-
-        def bands() -> Iterator[Band]:
-            for band in fit.bands(white):
-                yield band
-                advance(len(band.rgb))
-
-        columns = (3 * np.array(order)[:, None] + np.arange(3)).ravel()
-        codes = Codes.of(band.rgb.reshape(-1, 3 * k) for band in bands())[columns]
-        for plane, zero in zip(planes, codes.zero.reshape(k, 3), strict=True):
-            plane[:] = zero
-        for band in bands():
-            for j, plane in enumerate(planes):
-                plane[band.rows][band.on] = codes[3 * j : 3 * j + 3](band.rgb[:, order[j]])
-        for j, plane in enumerate(planes):
+    with fit.layers() as layers, progress("pictures", k) as advance:
+        codes = []
+        for j, layer in enumerate(layers[term] for term in order):
+            codes.append(Codes.of(C[0] for _, C in pieces([layer])))
+            plane = np.empty((h, w, 3), np.uint8)
+            for rows, C in pieces([layer]):
+                plane[rows] = codes[j](C[0])
             if tiled:
                 deepzoom.write(plane, f"plane_{j}", folder, *(("webp", _webp) if webp else ("jpg", _jpeg)))
             else:
                 folder.write(f"plane_{j}.jpg", _jpeg(plane))
+            advance()
+    step, zero = (np.concatenate([getattr(code, name) for code in codes]) for name in ("step", "zero"))
     about = {
         "width": w,
         "height": h,
@@ -81,7 +69,7 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
         "lights": [round(float(v), 5) for v in capture.known_lights().ravel()],
         "nplanes": 3 * k,
         "quality": QUALITY,
-        "materials": [{"scale": (255 * codes.step).tolist(), "bias": (codes.zero / 255).tolist()}],
+        "materials": [{"scale": (255 * step).tolist(), "bias": (zero / 255).tolist()}],
     }
     folder.write("info.json", (json.dumps(about) + "\n").encode())
     if openlime:

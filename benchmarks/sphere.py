@@ -25,6 +25,8 @@ from photonormal.geometry import angle_deg, normalised
 from photonormal.rig import calibrate
 from photonormal.types import InputError
 
+SAMPLES = 5  # across the reflection of a lamp, at least
+LENS = 0.4  # blur in pixels before there are pixels: without it a small lamp's place within its pixel leaves no trace
 KINDS = ("alone", "coin", "bead", "plate", "table", "border", "two")
 
 
@@ -112,9 +114,10 @@ class Scene:
 
 
 def onto(scene: Scene, picture: np.ndarray, ball: Ball, j: int) -> None:
-    """Draws a ball over a picture, each pixel the mean of finer ones."""
+    """Draws a ball over a picture, each pixel the mean of finer ones that the lens has blurred."""
     h, w = scene.shape
-    fine = 6 if ball.r < 30 else 3 if ball.r < 150 else 2
+    lamp = ball.r * np.radians(scene.size_deg + ball.rough_deg)  # width of its reflection
+    fine = max(6 if ball.r < 30 else 3 if ball.r < 150 else 2, int(np.ceil(SAMPLES / lamp)))
     x, y = ball.C[0] + (w - 1) / 2, (h - 1) / 2 - ball.C[1]
     x0, x1 = max(0, int(x - ball.r) - 1), min(w, int(x + ball.r) + 3)
     y0, y1 = max(0, int(y - ball.r) - 1), min(h, int(y + ball.r) + 3)
@@ -130,6 +133,7 @@ def onto(scene: Scene, picture: np.ndarray, ball: Ball, j: int) -> None:
     colour = np.zeros((*u.shape, 4))
     colour[on, :3] = scene.ball(ball, N, np.array([0.0, 0, 1]), j).clip(0, 4)
     colour[on, 3] = 1
+    colour = cv2.GaussianBlur(colour, (0, 0), LENS * fine)
     mean = colour.reshape(y1 - y0, fine, x1 - x0, fine, 4).mean((1, 3))
     picture[y0:y1, x0:x1] = picture[y0:y1, x0:x1] * (1 - mean[..., 3:]) + mean[..., :3]
 

@@ -5,18 +5,21 @@ import pytest
 from scipy.optimize import minimize
 
 from photonormal.calibration.circle import Circle, SphereError
-from photonormal.calibration.highlight import check_highlights, darkest, find_highlight, looked_for, static_light
+from photonormal.calibration.highlight import check_highlights, darkest, looked_for
 from photonormal.calibration.mirror import directions, nearest_point, sphere_centre
 from photonormal.geometry import angle_deg, normalised
 from photonormal.types import InputError
 from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
 
 CIRCLE = Circle(*CENTRE, RADIUS)
-DARK = np.zeros(SHAPE, np.float32)
 
 
 def seen(spots, **how):
-    return find_highlight(photograph(spots, **how) / np.float32(255), DARK, CIRCLE)
+    return in_picture(photograph(spots, **how) / np.float32(255))
+
+
+def in_picture(picture):
+    return looked_for(picture[None], CIRCLE)[0]
 
 
 @pytest.mark.parametrize("width", [1.2, 3.0, 8.0])
@@ -38,9 +41,7 @@ def test_two_equal_reflections_are_reported():
 def test_a_lamp_that_stays_on_is_no_light():
     window = (120.0, 90.0, 6.0)
     pictures = np.stack([photograph([window, (*highlight_at(l), 3.0)], seed=j) for j, l in enumerate(dome(6))]) / 255
-    static = static_light(pictures.astype(np.float32))
-    for picture, light in zip(pictures.astype(np.float32), dome(6), strict=True):
-        spot = find_highlight(picture, static, CIRCLE)
+    for spot, light in zip(looked_for(pictures.astype(np.float32), CIRCLE), dome(6), strict=True):
         assert np.hypot(*(np.array([spot.x, spot.y]) - highlight_at(light))) < 1
 
 
@@ -79,15 +80,36 @@ def test_a_bright_table_in_the_sphere_is_no_highlight():
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
     table = np.hypot(x - CENTRE[0], y - CENTRE[1]) > 0.71 * RADIUS
     dim = photograph([(140.0, 100.0, 2.0)]) / np.float32(255) * 0.5
-    spot = find_highlight(np.where(table, np.float32(0.3), dim), DARK, CIRCLE)
+    spot = in_picture(np.where(table, np.float32(0.3), dim))
     assert np.hypot(spot.x - 140, spot.y - 100) < 0.2
 
 
 def test_the_highlight_on_a_red_ball_is_seen_in_its_darkest_channel():
     white = photograph([(140.0, 100.0, 3.0)], sphere=0.0) / np.float32(255)
     red = np.stack([np.maximum(white, 0.8), white, white], axis=-1)
-    spot = find_highlight(darkest(red), DARK, CIRCLE)
+    spot = in_picture(darkest(red))
     assert np.hypot(spot.x - 140, spot.y - 100) < 0.2
+
+
+def test_a_faint_glint_on_a_shaded_body_is_the_light():
+    """The body is three times as bright as the glint, whose width is a pixel's."""
+    y, x = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    u, v = (x - 150.3) / 23, (117.6 - y) / 23
+    z = np.sqrt((1 - u**2 - v**2).clip(0))
+    lights, pictures, rng = dome(8, 70), [], np.random.default_rng(0)
+    for light in lights:
+        sx, sy = highlight_at(light, CENTRE, 23)
+        body = 0.3 * (light @ np.stack([u, v, z]).reshape(3, -1)).clip(0).reshape(SHAPE) * (z > 0)
+        glint = 0.1 * np.exp(-((x - sx) ** 2 + (y - sy) ** 2) / 2)
+        pictures.append(body + glint + 0.005 * rng.standard_normal(SHAPE))
+    found = looked_for(np.stack(pictures).astype(np.float32), Circle(*CENTRE, 23.0))
+    off = [np.hypot(*(np.array([h.x, h.y]) - highlight_at(l, CENTRE, 23))) for h, l in zip(found, lights, strict=True)]
+    assert np.median(off) < 0.2 and max(off) < 0.6
+
+
+def test_a_reflection_that_glare_has_spread_is_left_out():
+    spots = [[(*highlight_at(l), 3.0)] for l in dome(5)] + [[(140.0, 100.0, 3.0), (140.0, 100.0, 45.0)]]
+    assert [h is None for h in shown(spots)] == [False] * 5 + [True]
 
 
 def test_a_channel_that_no_lamp_lights_is_not_asked():

@@ -1,69 +1,26 @@
-"""The reflection of a light on a mirror sphere, found to a fraction of a pixel."""
+"""The reflections of the lights on a mirror sphere, one in each picture."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from photonormal.calibration.circle import Circle, SphereError
-from photonormal.types import box_of
+from photonormal.calibration.reflections import RIVAL, Disc, Highlight, Reflections
 
 COLOURED = 0.3  # brightest value of a channel, as part of another's, below which the lamp does not light it
-RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
-WIDEST = 0.2  # largest scale, in radii, at which reflections are looked for
 ENOUGH_PX = 200  # radius of a sphere in pixels beyond which pictures are made smaller
 PLAIN = 0.1  # peak of full scale that is no shading's
 FEW_PX = 12  # area that is no shading's
 DIM = 0.04  # peak of full scale below which a reflection is noise
-SATURATED = 0.98  # of full scale
-CORE = 0.9  # part of a saturated peak above which a pixel belongs to a reflection; else half the way up
-RIVAL = 0.5  # flux of a second reflection, as part of the first's, above which the choice is doubtful
-OPENING = 0.7  # radius of the opening, as part of the largest disc inside a reflection
 FAINT = 0.15  # peak, as part of the pictures' median, below which a reflection is not the light's
 MISSING = 0.25  # part of the pictures that may lack a highlight
-LARGEST = 0.1  # part of the sphere's disc that a light's reflection covers at most
-
-
-@dataclass(frozen=True)
-class Highlight:
-    """The reflection of the light in one picture.
-
-    Parameters
-    ----------
-    x, y : its centroid in pixels
-    area_px : pixels that it covers
-    peak : how far its brightest smoothed value stands out, in full scale
-    flux : what stands out, in full scale times pixels
-    saturated : its peak is the largest value that the pictures can hold
-    rival : flux of the second largest reflection as part of this one's
-    rivals : centroids of the other reflections that are at least RIVAL as strong
-    """
-
-    x: float
-    y: float
-    area_px: int
-    peak: float
-    flux: float
-    saturated: bool
-    rival: float = 0.0
-    rivals: tuple[tuple[float, float], ...] = ()
-
-    def moved(self, x: float, y: float) -> Highlight:
-        """The same, seen in a frame that begins `x` and `y` pixels further to the upper left."""
-        rivals = tuple((a + x, b + y) for a, b in self.rivals)
-        return replace(self, x=self.x + x, y=self.y + y, rivals=rivals)
-
-    def enlarged(self, factor: float) -> Highlight:
-        """The same in a picture that is larger by `factor`."""
-        (x, y), *rivals = (
-            ((a + 0.5) * factor - 0.5, (b + 0.5) * factor - 0.5) for a, b in ((self.x, self.y), *self.rivals)
-        )
-        area, flux = round(self.area_px * factor**2), self.flux * factor**2
-        return replace(self, x=x, y=y, area_px=area, flux=flux, rivals=tuple(rivals))
+ALIKE = 12  # pictures that tell how large the lights' reflections are
+NOTHING = 1e-6  # what no picture shows
+LARGER = 3.0  # light of a broader reflection, in that of a finer one, that makes it the light's
+LARGEST = 0.06  # part of the sphere's disc that a light's reflection covers at most
 
 
 def darkest(picture: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w"]:
@@ -79,84 +36,10 @@ def static_light(pictures: Float[np.ndarray, "n h w"]) -> Float[np.ndarray, "h w
     return np.partition(pictures, (len(pictures) - 1) // 2, axis=0)[(len(pictures) - 1) // 2]
 
 
-def find_highlight(
-    picture: Float[np.ndarray, "h w"], static: Float[np.ndarray, "h w"], circle: Circle
-) -> Highlight | None:
-    """The strongest small reflection inside the circle after what is `static` has been taken away; None in the dark.
-
-    What stands out of its surroundings forms reflections, so that a bright table that the sphere shows is none. Among
-    them the one of most flux is the light: a second reflection, by another sphere or by glass, is weaker. Its pixels
-    are those above a part of its peak. Streaks that scratches and the lens draw are cut off by morphological opening.
-    The centroid is weighted by what exceeds the threshold, so that a saturated core counts evenly and its rim, a
-    fraction of a pixel, by how much of it is covered.
-    """
-    inside = circle.inside(picture.shape, RIM)
-    level = np.where(inside, np.maximum(picture - static, 0), 0).astype(np.float32)
-    scales = [2.0**k for k in range(int(np.log2(max(2.0, WIDEST * circle.r))) + 3)]
-    blurred = [_blurred(level, inside, s) for s in scales]
-    proud = [np.where(inside, np.maximum(a * abs(a) - b * abs(b), 0), 0) for a, b in pairwise(blurred[:-1])]
-    highest = np.array([p.max() for p in proud])
-    if highest.max() <= 0:
-        return None
-    each = [_spot(p, blurred[0], b, static) for p, b in zip(proud, blurred[2:], strict=True)]
-    flux = [
-        area * peak if h > RIVAL * highest.max() else 0.0 for h, (_, area, peak, _) in zip(highest, each, strict=True)
-    ]
-    k = int(np.argmax(flux))  # the scale of the strongest reflection
-    count, labels = _parts(proud[k] > RIVAL * proud[k].max())
-    flux = np.bincount(labels.ravel(), proud[k].ravel(), minlength=count)[1:]
-    order = np.argsort(-flux)
-    around = blurred[k + 2]
-    found = [
-        _spot(np.where(labels == m + 1, proud[k], -1), blurred[0], around, static)
-        for m in order
-        if flux[m] >= RIVAL * flux[order[0]]
-    ]
-    (x, y), area, peak, saturated = found[0]
-    return Highlight(
-        x,
-        y,
-        area_px=area,
-        peak=peak,
-        flux=float(flux[order[0]]),
-        saturated=saturated,
-        rival=float(flux[order[1]] / flux[order[0]]) if len(order) > 1 else 0.0,
-        rivals=tuple(place for place, *_ in found[1:]),
-    )
-
-
-def _blurred(level: np.ndarray, inside: np.ndarray, pixels: float) -> np.ndarray:
-    """The mean of what is inside around each pixel, weighted by a Gaussian."""
-    import cv2
-
-    weight = cv2.GaussianBlur(inside.astype(np.float32), (0, 0), pixels)
-    return cv2.GaussianBlur(level, (0, 0), pixels) / weight.clip(1e-3)
-
-
-def _parts(shown: Bool[np.ndarray, "h w"]) -> tuple[int, np.ndarray]:
-    """Connected parts: their number with the ground, and labels (h, w)."""
-    import cv2
-
-    return cv2.connectedComponents(shown.astype(np.uint8), connectivity=8)
-
-
-def _spot(
-    proud: np.ndarray, smooth: np.ndarray, around: np.ndarray, static: np.ndarray
-) -> tuple[tuple[float, float], int, float, bool]:
-    """Centroid, pixels, peak of the reflection that stands out most, and whether it is saturated."""
-    top = int(np.where(proud > 0.7 * proud.max(), smooth, -1).argmax())
-    peak, ground = float(smooth.flat[top]), float(around.flat[top])
-    saturated = peak >= SATURATED * (1 - float(static.flat[top]))
-    threshold = max((ground + peak) / 2, CORE * peak if saturated else 0.0)
-    _, parts = _parts(smooth > threshold)
-    part = parts == parts.flat[top]
-    return _centroid(np.maximum(smooth - threshold, 0), part), int(part.sum()), peak - ground, saturated
-
-
 def looked_for(
     pictures: Float[np.ndarray, "n h w"], circle: Circle, enough_px: float = ENOUGH_PX
 ) -> list[Highlight | None]:
-    """The highlight of each picture, None where its light is off or behind the sphere.
+    """The highlight of each picture, None where its light is off, behind the sphere, or not seen alone.
 
     Pictures of a sphere of more than `enough_px` in radius are made smaller.
     """
@@ -168,9 +51,33 @@ def looked_for(
         pictures = np.stack([cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in pictures])
     x, y = (scale * (c + 0.5) - 0.5 for c in (circle.x, circle.y))
     static = static_light(pictures)
-    found = [find_highlight(p, static, Circle(x, y, scale * circle.r)) for p in pictures]
+    smaller = Circle(x, y, scale * circle.r)
+    disc = Disc.of(smaller, static.shape)
+    some = pictures[:: max(1, len(pictures) // ALIKE)]
+    k = _scale([Reflections.of(p, static, disc) for p in some], smaller)
+    found = [h and h.enlarged(1 / scale) for h in (Reflections.of(p, static, disc).highlight(k) for p in pictures)]
     median = float(np.median([h.peak if h else 0.0 for h in found]))
-    return [h.enlarged(1 / scale) if h is not None and h.peak >= FAINT * median else None for h in found]
+    found = [h if h and h.peak >= FAINT * median else None for h in found]
+    small = [h if h and _part(h, circle) <= LARGEST else None for h in found]
+    return small if small.count(None) <= MISSING * len(small) else found  # on a matt sphere all are large
+
+
+def _scale(seen: Sequence[Reflections], circle: Circle) -> int:
+    """The scale of the lights' reflections, which are alike: one stands out farther than all else in its picture.
+
+    It is the finest such one, as shading is broad; but larger reflections are not those of another sphere or of glass.
+    """
+    heights = np.array([[s.heights(k) for k in s.disc.scales] for s in seen])  # (n, l, 2)
+    distinct = np.median((heights[..., 0] + NOTHING) / (heights[..., 1] + NOTHING), axis=0)
+    flux = np.median(heights[..., 0], axis=0) * 4.0 ** np.arange(len(distinct))
+    some = np.flatnonzero(distinct >= min(1 / RIVAL, distinct.max()))
+    found = some[0]
+    for k in some[1:]:
+        if flux[k] > LARGER * flux[found]:
+            spots = [h for h in (s.highlight(k) for s in seen) if h is not None]
+            if np.median([_part(h, circle) / h.peak for h in spots]) < LARGEST:
+                found = k
+    return int(found)
 
 
 def is_a_mirror_s(highlight: Highlight | None, circle: Circle) -> bool:
@@ -216,17 +123,3 @@ def _stands_out(highlight: Highlight, circle: Circle) -> bool:
 def _part(highlight: Highlight, circle: Circle) -> float:
     """Of the sphere's disc that a highlight covers."""
     return highlight.area_px / (np.pi * circle.r**2)
-
-
-def _centroid(weights: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) -> tuple[float, float]:
-    """Weighted centre (x, y) of a reflection without its streaks."""
-    import cv2
-
-    box = box_of(part, 1)
-    blob = part[box].astype(np.uint8)
-    depth = cv2.distanceTransform(np.pad(blob, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]  # pixels to the edge
-    radius = OPENING * depth.max()
-    opened = (cv2.distanceTransform((depth < radius).astype(np.uint8), cv2.DIST_L2, 5) < radius) & (blob > 0)
-    row, column = np.nonzero(opened)
-    w = weights[box][row, column]
-    return float((column * w).sum() / w.sum() + box[1].start), float((row * w).sum() / w.sum() + box[0].start)

@@ -9,8 +9,9 @@ import numpy as np
 from jaxtyping import Bool
 
 from photonormal.calibration.circle import Circle, SphereError, from_mask
-from photonormal.calibration.highlight import Highlight, check_highlights, darkest, looked_for
+from photonormal.calibration.highlight import check_highlights, darkest, looked_for
 from photonormal.calibration.mirror import directions
+from photonormal.calibration.reflections import Highlight
 from photonormal.calibration.search import Found, find_spheres
 from photonormal.calibration.survey import Photograph
 from photonormal.types import InputError

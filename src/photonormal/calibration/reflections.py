@@ -1,0 +1,202 @@
+"""What a sphere mirrors in one picture, at several scales, and where its light is, to a fraction of a pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.calibration.circle import Circle
+from photonormal.types import box_of
+
+RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
+WIDEST = 0.2  # largest scale, in radii, at which reflections are looked for
+SATURATED = 0.98  # of full scale
+CORE = 0.9  # part of a saturated peak above which a pixel belongs to a reflection; else half the way up
+TOPS = 4  # places of a picture that are looked at
+APART = 3.0  # distance, in scales, within which two places are one
+FEW_PX = 8  # pixels of a part below which its neighbours help to find its middle
+FLOOR = 0.05  # of the peak, below which a pixel's logarithm tells nothing
+RIVAL = 0.5  # flux of a second reflection, as part of the first's, above which the choice is doubtful
+OPENING = 0.7  # radius of the opening, as part of the largest disc inside a reflection
+
+
+@dataclass(frozen=True)
+class Highlight:
+    """The reflection of the light in one picture.
+
+    Parameters
+    ----------
+    x, y : its centroid in pixels
+    area_px : pixels that it covers
+    peak : how far its brightest smoothed value stands out, in full scale
+    flux : what stands out, in full scale times pixels
+    saturated : its peak is the largest value that the pictures can hold
+    rival : flux of the second largest reflection as part of this one's
+    rivals : centroids of the other reflections that are at least RIVAL as strong
+    """
+
+    x: float
+    y: float
+    area_px: int
+    peak: float
+    flux: float
+    saturated: bool
+    rival: float = 0.0
+    rivals: tuple[tuple[float, float], ...] = ()
+
+    def moved(self, x: float, y: float) -> Highlight:
+        """The same, seen in a frame that begins `x` and `y` pixels further to the upper left."""
+        rivals = tuple((a + x, b + y) for a, b in self.rivals)
+        return replace(self, x=self.x + x, y=self.y + y, rivals=rivals)
+
+    def enlarged(self, factor: float) -> Highlight:
+        """The same in a picture that is larger by `factor`."""
+        (x, y), *rivals = (
+            ((a + 0.5) * factor - 0.5, (b + 0.5) * factor - 0.5) for a, b in ((self.x, self.y), *self.rivals)
+        )
+        area, flux = round(self.area_px * factor**2), self.flux * factor**2
+        return replace(self, x=x, y=y, area_px=area, flux=flux, rivals=tuple(rivals))
+
+
+@dataclass(frozen=True)
+class Disc:
+    """Where reflections are looked for.
+
+    Parameters
+    ----------
+    inside : (h, w)
+    weights : (k, h, w) the part of each pixel's surroundings that is inside, at ever broader scales
+    """
+
+    inside: Bool[np.ndarray, "h w"]
+    weights: Float[np.ndarray, "k h w"]
+
+    @classmethod
+    def of(cls, circle: Circle, shape: Sequence[int]) -> Disc:
+        """Within RIM of a circle, up to scales of WIDEST of it."""
+        inside = circle.inside(shape, RIM)
+        scales = range(int(np.log2(max(2.0, WIDEST * circle.r))) + 2)
+        return cls(inside, np.stack([_blur(inside, k).clip(1e-3) for k in scales]))
+
+    @property
+    def scales(self) -> range:
+        """What stands out is looked for at these."""
+        return range(len(self.weights) - 1)
+
+
+@dataclass(frozen=True)
+class Reflections:
+    """What is mirrored inside a disc in one picture (h, w), without what is `static`."""
+
+    level: Float[np.ndarray, "h w"]
+    static: Float[np.ndarray, "h w"]
+    disc: Disc
+
+    @classmethod
+    def of(cls, picture: Float[np.ndarray, "h w"], static: Float[np.ndarray, "h w"], disc: Disc) -> Reflections:
+        """Those of a picture."""
+        return cls(np.where(disc.inside, np.maximum(picture - static, 0), 0).astype(np.float32), static, disc)
+
+    def blurred(self, k: int) -> Float[np.ndarray, "h w"]:
+        """The mean of what is inside around each pixel at scale k, weighted by a Gaussian."""
+        return _blur(self.level, k) / self.disc.weights[k]
+
+    def proud(self, k: int) -> Float[np.ndarray, "h w"]:
+        """How far each pixel stands out of its surroundings at scale k, as a bright table in the sphere does not."""
+        return np.where(self.disc.inside, self.blurred(k) - self.blurred(k + 1), 0)
+
+    def tops(self, k: int, count: int = TOPS) -> list[tuple[float, int]]:
+        """How far places stand out at scale k, and which pixels they are; the highest first."""
+        proud, found = self.proud(k), []
+        for _ in range(count):
+            top = int(proud.argmax())
+            height = float(proud.flat[top])
+            if height <= 0:
+                break
+            found.append((height, top))
+            y, x = divmod(top, proud.shape[1])
+            proud[_within(proud.shape, x, y, APART * 2**k)] = 0
+        return found
+
+    def heights(self, k: int) -> tuple[float, float]:
+        """How far the first place and the second one stand out at scale k."""
+        first, second = ([h for h, _ in self.tops(k, 2)] + [0.0, 0.0])[:2]
+        return first, second
+
+    def highlight(self, k: int) -> Highlight | None:
+        """What stands out farthest at scale k; None in the dark."""
+        tops = self.tops(k)
+        if not tops:
+            return None
+        (height, top), *others = tops
+        rivals = [self._spot(k, place) for h, place in others if h >= RIVAL * height]
+        rival = others[0][0] / height if others else 0.0
+        return replace(self._spot(k, top), rival=rival, rivals=tuple((s.x, s.y) for s in rivals))
+
+    def _spot(self, k: int, near: int) -> Highlight:
+        """The reflection there: what exceeds half of its height over its surroundings; of a saturated one the core."""
+        smooth, around = self.blurred(0), self.blurred(k + 1)
+        y, x = divmod(near, smooth.shape[1])
+        proud = smooth - around
+        top = int(np.where(_within(smooth.shape, x, y, 1.5 * 2**k), proud, -1).argmax())
+        peak = float(proud.flat[top])
+        saturated = float(smooth.flat[top]) >= SATURATED * (1 - float(self.static.flat[top]))
+        core = CORE * float(smooth.flat[top]) - float(around.flat[top])
+        threshold = max(peak / 2, core) if saturated else peak / 2
+        _, parts = _parts(proud > threshold)
+        part = parts == parts.flat[top]
+        x, y = _centroid(np.maximum(proud - threshold, 0), part)
+        if not saturated:
+            x, y = _middle(proud, part, x, y)
+        area = int(part.sum())
+        return Highlight(x, y, area, peak, area * peak, saturated)
+
+
+def _within(shape: Sequence[int], x: float, y: float, r: float) -> Bool[np.ndarray, "h w"]:
+    return Circle(x, y, r).inside(shape)
+
+
+def _blur(picture: np.ndarray, k: int) -> np.ndarray:
+    """Blurred by 2^k pixels."""
+    import cv2
+
+    return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 2.0**k)
+
+
+def _parts(shown: Bool[np.ndarray, "h w"]) -> tuple[int, np.ndarray]:
+    """Connected parts: their number with the ground, and labels (h, w)."""
+    import cv2
+
+    return cv2.connectedComponents(shown.astype(np.uint8), connectivity=8)
+
+
+def _middle(proud: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"], x: float, y: float) -> tuple[float, float]:
+    """The middle of a round Gaussian near (x, y): a parabola fitted to the logarithm, weighted by what stands out."""
+    import cv2
+
+    around = cv2.dilate(part.astype(np.uint8), np.ones((3, 3), np.uint8)) if part.sum() < FEW_PX else part
+    row, column = np.nonzero(around)
+    w = proud[row, column].clip(FLOOR * proud[part].max())
+    dx, dy = column - x, row - y
+    A = np.stack([np.ones_like(w), dx, dy, dx**2 + dy**2], axis=-1)  # (m, 4)
+    _, a, b, c = np.linalg.lstsq(A * w[:, None], np.log(w) * w, rcond=None)[0]
+    if c >= 0 or np.hypot(a, b) > -2 * c:  # no peak within a pixel
+        return x, y
+    return float(x - a / (2 * c)), float(y - b / (2 * c))
+
+
+def _centroid(weights: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) -> tuple[float, float]:
+    """Weighted centre (x, y) of a reflection without its streaks."""
+    import cv2
+
+    box = box_of(part, 1)
+    blob = part[box].astype(np.uint8)
+    depth = cv2.distanceTransform(np.pad(blob, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]  # pixels to the edge
+    radius = OPENING * depth.max()
+    opened = (cv2.distanceTransform((depth < radius).astype(np.uint8), cv2.DIST_L2, 5) < radius) & (blob > 0)
+    row, column = np.nonzero(opened)
+    w = weights[box][row, column]
+    return float((column * w).sum() / w.sum() + box[1].start), float((row * w).sum() / w.sum() + box[0].start)

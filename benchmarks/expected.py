@@ -8,7 +8,8 @@ degrees, on rendered objects of materials that the calibration never saw (PHOTON
 in ROOT (`<object>PNG` folders). Methods that solve each pixel by itself are shown every fourth row and column.
 `--near`: the lamps' distance in widths of the frame. `--fit` renders other objects of other materials, under 3 to 100
 lights, and writes `src/photonormal/methods/expected.json`, where methods that are not named keep what they have. A
-method may have options, as in `normalnet:fast=true`: a calibration holds for those alone.
+method may have options, as in `normalnet:fast=true`: a calibration holds for those alone. A network of one rig is
+shown other scenes, under the lamps of its rig.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from classical import OBJECTS, in_memory, print_row
 import photonormal as pn
 from photonormal.geometry import angle_deg
 from photonormal.methods import METHODS, configure, parse
-from photonormal.methods.contract import Method, Solution
+from photonormal.methods.contract import Method, Solution, Streaming
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.expected import FILE, FITTED, MadeFor, evidence_of, linear, terms, with_expected_error
@@ -35,7 +36,7 @@ from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 
 # fitted on every third block of scenes
-NETWORKS = ("lambertian-prior", "normalnet", "psfcn", "gps-net", "dr-psn", "attention-psn")
+NETWORKS = ("lambertian-prior", "normalnet", "psfcn", "psfcn-normalised", "gps-net", "dr-psn", "attention-psn")
 STEP: dict[str, int] = dict.fromkeys(("rpca", *NETWORKS), 1) | dict.fromkeys(("table", "ward", "consensus"), 3)
 # of rows and columns; others: 4. These look at all pixels, or many of them, together
 KEPT = 16  # one in so many pixels, where every row and column is used
@@ -47,6 +48,7 @@ RIDGE = 3e-3
 CURVE = (0.005, 0.02, 0.04, 0.07, *np.arange(0.12, 0.9, 0.08), 0.93, 0.96, 0.98, 0.995)  # shares of the pixels below
 # which a curve is read off, one part each: its ends count as well as its middle
 
+Directions = tuple[tuple[float, float, float], ...]
 Found = dict[
     str, list[tuple[int, np.ndarray, np.ndarray]]
 ]  # by method with options: images, evidence (p, k), errors (p,)
@@ -86,11 +88,23 @@ def thinned(whole: pn.Capture, step: int) -> pn.Capture:
 def fit(count: int, methods: Sequence[str]) -> None:
     """Render, measure, fit, write."""
     found: Found = {text: [] for text in methods}
-    for i, whole in enumerate(scenes(count, 780, lights=FITTED, scenes=BLOCK, split="train", narrow=0.8)):
-        for text in methods:
-            if parse(text)[0] not in NETWORKS or i // BLOCK % 3 == 0:
-                measured(text, whole, found)
+    for rig, under_it in by_rig(methods).items():
+        seen = scenes(count, 780, lights=FITTED, scenes=BLOCK, split="train", narrow=0.8, directions=rig)
+        for i, whole in enumerate(seen):
+            for text in under_it:
+                if parse(text)[0] not in NETWORKS or i // BLOCK % 3 == 0:
+                    measured(text, whole, found)
     write(found, count)
+
+
+def by_rig(methods: Sequence[str]) -> dict[Directions, list[str]]:
+    """Methods by the lamps that their weights are for; (): any."""
+    found: dict[Directions, list[str]] = {}
+    for text in methods:
+        method = method_of(text)
+        rig = getattr(method.network().config, "lights", ()) if isinstance(method, Streaming) else ()
+        found.setdefault(rig, []).append(text)
+    return found
 
 
 def solved(text: str, whole: pn.Capture) -> tuple[pn.Capture, pn.Normals, Solution] | None:
@@ -137,10 +151,8 @@ def calibration(rows: list[tuple[int, np.ndarray, np.ndarray]]) -> dict[str, lis
     n = np.concatenate([np.full(len(e), images) for images, _, e in rows])
     T, y = np.concatenate([terms(F, F) for _, F, _ in rows]), np.concatenate([e for *_, e in rows])
     fitted: dict[str, list] = {"images": [], "weights": [], "curve": []}
-    for images in IMAGES:
+    for images in [images for images in IMAGES if images >= n.min()] or IMAGES[-1:]:
         near = np.exp(-0.5 * (np.log(n / images) / NEARBY) ** 2)
-        if images < n.min():
-            continue
         some = near > 1e-3
         weights = log_linear(T[some], y[some], near[some])
         x, means = rising(linear(T[some], weights), y[some], near[some])
@@ -223,8 +235,10 @@ def main() -> None:
     print_row(*["---"] * 14)
     methods = args.methods.split(",")
     distance = None if args.near is None else 2 * args.near
-    rendered = scenes(args.scenes or 240, 12345, lights=(args.lights, args.lights), scenes=1, distance=distance)
-    deciles("rendered", rendered, methods)
+    lights = (args.lights, args.lights)
+    for rig, under_it in by_rig(methods).items():
+        rendered = scenes(args.scenes or 240, 12345, lights=lights, scenes=1, distance=distance, directions=rig)
+        deciles("rendered", rendered, under_it)
     for name in OBJECTS if args.root else ():
         if (args.root / f"{name}PNG").is_dir():
             deciles(name, [pn.load(args.root / f"{name}PNG")], methods)

@@ -138,7 +138,7 @@ def test_errors_are_found_from_disk_and_again_when_a_prediction_changes(root, tm
         (("diligent", "ROOT", "--methods", "woodham,l1,woodham"), "two methods are called 'woodham'"),
         (("diligent", "ROOT", "--methods", "woodhan"), "no method 'woodhan'"),
         (("diligent", "ROOT", "--methods", "a=trimmed:low=1"), "trimmed has no option 'low'"),
-        (("diligent", "ROOT", "--methods", "a=trimmed:least=x"), "give a int"),
+        (("diligent", "ROOT", "--methods", "a=trimmed:least=x"), "give a whole number"),
         (("diligent", "ROOT", "--methods", "truth=woodham"), "can't be called 'truth'"),
         (("diligent", "ROOT", "--images", "two"), "--images 'two'"),
         (("diligent", "ROOT", "--objects", "horse"), "no object 'horse'"),

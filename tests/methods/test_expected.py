@@ -12,7 +12,15 @@ from photonormal.export import load_normals
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
 from photonormal.methods import METHODS, configure, expected, parse, solve
 from photonormal.methods.contract import Solution
-from photonormal.methods.expected import EVIDENCE, calibration_of, calibrations, evidence_of, terms, with_expected_error
+from photonormal.methods.expected import (
+    EVIDENCE,
+    Calibration,
+    calibration_of,
+    calibrations,
+    evidence_of,
+    terms,
+    with_expected_error,
+)
 from photonormal.shading import half_vectors
 from photonormal.types import Capture, Lamps
 from tests.near import ORTHOGRAPHIC, PERSPECTIVE, bump, dome, photographed
@@ -144,6 +152,16 @@ def test_weights_belong_to_terms():
     for method, calibration in calibrations().items():
         assert calibration.weights.shape == (len(calibration.images), count + 1), method
         assert (np.diff(calibration.curve, axis=-1) >= 0).all(), method
+
+
+def test_a_calibration_at_one_number_of_images_is_taken_for_all():
+    n = EVIDENCE.index("images")
+    weights = np.eye(terms(np.zeros((1, len(EVIDENCE))), np.zeros((1, len(EVIDENCE)))).shape[1] + 1)[:1]  # 1 alone
+    rig = Calibration(np.array([92.0]), weights, np.array([[[0.0, 2.0], [1.0, 2.0]]]))
+    for images in (5, 92, 300):
+        F = np.zeros((3, len(EVIDENCE)))
+        F[:, n] = np.log(images)
+        np.testing.assert_allclose(rig(F), np.exp(1.5))
 
 
 def test_what_a_network_tells_counts():

@@ -17,6 +17,7 @@ from photonormal.methods.learned.lmps import LMPS, LMPSConfig, LMPSNet
 from photonormal.methods.learned.normalnet import NormalNetMethod
 from photonormal.methods.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
 from photonormal.methods.learned.sdps import SDPS
+from photonormal.methods.learned.splinenet import SPLINENet, SPLINENetConfig, SPLINENetMethod
 from photonormal.methods.learned.weights import checksum, encoded, load
 from photonormal.methods.uncalibrated.guess import guess
 from photonormal.types import InputError
@@ -33,6 +34,7 @@ SMALL = {
     PSFCN: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8))),
     CNNPS: ("cnn-ps", lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8))),
     LMPS: ("lmps", lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8))),
+    SPLINENetMethod: ("spline-net", lambda: SPLINENet(SPLINENetConfig(side=8, width=4, blocks=1, grown=4, hidden=8))),
     PSFCNNormalised: ("psfcn", lambda: PSFCNNet(PSFCNConfig(width=8, normalised=True))),
 }
 

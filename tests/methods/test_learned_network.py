@@ -18,6 +18,7 @@ from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.network import parameters
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.methods.learned.psfcn import PSFCNConfig, PSFCNNet
+from photonormal.methods.learned.splinenet import SPLINENet, SPLINENetConfig
 from photonormal.types import InputError
 from tests.methods.small import small, starting_at_zero
 
@@ -44,6 +45,7 @@ NETWORKS = [lambda c=c: LambertianPriorNet(c) for c in VARIANTS] + [
     lambda: PSFCNNet(PSFCNConfig(width=4, normalised=True)),
     lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)),
     lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8)),
+    lambda: SPLINENet(SPLINENetConfig(side=8, width=4, blocks=1, grown=4, hidden=8)),
     lambda: GPSNet(GPSNetConfig(filters=8, order=8, width=8)),
     lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1)),
     lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=2, deep=3)),

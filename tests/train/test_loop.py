@@ -69,7 +69,7 @@ def test_a_network_of_lights_learns_in_the_same_loop(tmp_path):
     assert "| mean_deg | median_deg | intensity |" in (tmp_path / "lightsnet.md").read_text()
 
 
-@pytest.mark.parametrize("network", ["cnn-ps", "lmps"])
+@pytest.mark.parametrize("network", ["cnn-ps", "lmps", "spline-net"])
 def test_a_network_of_pixels_learns_from_some_of_them(network, tmp_path):
     config = {"side": 8, "grown": 4, "hidden": 32}
     recipe = replace(TINY, network=network, config=config, priors=(), pixels=50, lr=3e-3, steps=60, validate=100)

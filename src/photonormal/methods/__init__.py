@@ -43,6 +43,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
 }
 
 DEFAULT = "normalnet"
+KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text"}  # of options given as text
 
 
 def method_class(name: str) -> type:
@@ -72,12 +73,12 @@ def _fields(method: str, options: dict[str, Any]) -> dict[str, Any]:
 def _value(method: str, name: str, text: str, default: Any) -> Any:
     """A value of the default's type."""
     kind = type(default)
-    if kind not in (bool, int, float, str):
+    if kind not in KINDS:
         raise InputError(f"{method} can't be given {name} as text; set it from Python.")
     try:
         return {"true": True, "1": True, "false": False, "0": False}[text.lower()] if kind is bool else kind(text)
     except (ValueError, KeyError):
-        raise InputError(f"{method} has {name}={default!r} but {text!r} came; give a {kind.__name__}.") from None
+        raise InputError(f"{method} has {name}={default!r} but {text!r} came; give {KINDS[kind]}.") from None
 
 
 def configure(method: str, **options: Any) -> Method:
@@ -117,8 +118,9 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     ----------
     capture : photographs, mask and light directions
     method : networks: normalnet, lambertian-prior, psfcn, psfcn-normalised, gps-net, dr-psn, attention-psn, cnn-ps,
-        lmps, dpsn, and sdps, which finds the lights; irps, which learns on the object, for minutes; classical: woodham,
-        trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic, bipolynomial, bivariate
+        lmps, dpsn, and sdps, which finds the lights; irps, which learns on the object, for minutes;
+        classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic, bipolynomial,
+        bivariate
     device : "auto", "cpu", "cuda" or any torch device
     options : the method's fields, by name
 

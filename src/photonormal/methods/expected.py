@@ -248,13 +248,14 @@ class Calibration:
         """Expected errors, degrees, 0.05 to 90, of pixels of one capture."""
         images = EVIDENCE.index("images")
         place = np.interp(F[0, images], np.log(self.images), np.arange(len(self.images)))
-        k = min(int(place), len(self.images) - 2)
+        k = min(int(place), max(0, len(self.images) - 2))
+        after = min(k + 1, len(self.images) - 1)
         found = []
         for first in range(0, len(F), PIXELS):
             part = F[first : first + PIXELS].astype(np.float64)
             part[:, images] = part[:, images].clip(*np.log(FITTED))
             T = terms(part, F)
-            low, high = (np.interp(linear(T, self.weights[i]), *self.curve[i]) for i in (k, k + 1))
+            low, high = (np.interp(linear(T, self.weights[i]), *self.curve[i]) for i in (k, after))
             found.append(np.exp(low + (place - k) * (high - low)).clip(0.05, 90))
         return np.concatenate(found)
 

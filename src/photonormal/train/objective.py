@@ -17,6 +17,7 @@ CLOSE = 0.02  # chord, about a degree, below which the loss is quadratic
 DOUBT = 0.1  # weight of the loss of expected errors, which moves no normal
 EVEN = 8.0  # weight of the normals' error where no edge is, against that of their changes where one is
 RENDERED = 0.1  # weight of the images that are rendered back
+SYMMETRIC = 0.02  # weight of what maps are off a mirrored map, beside what they are off the samples
 BINS = 0.1  # weight of the cross-entropy of a light's bins, beside the error of their means
 
 
@@ -40,6 +41,8 @@ def of_normals(model: Any, net: Network, seen: Observed, recipe: Recipe, passes:
         e = attended(e, N * mask, truth, told[:, 0])
     elif net.teaches == "images":
         e = e + RENDERED * rendered_wrong(told, seen.images.repeat(passes, 1, 1, 1, 1))
+    elif net.teaches == "maps":
+        e = e + told[:, 0] + SYMMETRIC * told[:, 1]
     elif told.shape[1]:  # least where the expected error is the mean of the true ones, whatever their size
         true_deg = (2 * torch.asin((squared.detach().sqrt() / 2).clamp(max=1))).rad2deg()
         e = e + DOUBT * (true_deg / told[:, -1] + told[:, -1].log())

@@ -281,6 +281,8 @@ RECIPES = {
     "cnn-ps": replace(PIXELS, network="cnn-ps"),
     # 7 degrees a cell, over 70: domes, too; few lights as often as many
     "lmps": replace(PIXELS, network="lmps", config={"side": 20, "reach_deg": 70}, images=(4, 96), pixels=8, dark=0.05),
+    # is shown 4 samples to all of them while it learns
+    "spline-net": replace(PIXELS, network="spline-net", config={"width": 8}, images=(16, 96)),
     # learned for one rig, whose lights are given
     "dpsn": replace(
         PIXELS, network="dpsn", config={"width": 1024}, batch=128, pixels=32, turns=False, dark=0.05, exams=("clean",)

@@ -19,6 +19,7 @@ from photonormal.methods.learned.gpsnet import GPSNet, GPSNetConfig
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.psfcn import PSFCNConfig, PSFCNNet
+from photonormal.methods.learned.splinenet import SPLINENet, SPLINENetConfig
 from photonormal.types import Capture, InputError
 from tests.methods.small import small, starting_at_zero
 
@@ -62,6 +63,7 @@ MORE: dict = {
 OTHERS = {
     "cnn-ps": lambda: CNNPSNet(CNNPSConfig(side=8, grown=4, hidden=8)),
     "lmps": lambda: LMPSNet(LMPSConfig(side=8, grown=4, hidden=8)),
+    "spline-net": lambda: SPLINENet(SPLINENetConfig(side=8, width=4, blocks=1, grown=4, hidden=8)),
     "gps-net": lambda: GPSNet(GPSNetConfig(filters=8, order=8, width=8)),
     "attention-psn": lambda: AttentionPSNNet(AttentionPSNConfig(width=8, shallow=1, deep=1)),
     "dr-psn": lambda: DRPSNNet(DRPSNConfig(width=4)),

@@ -10,6 +10,8 @@ from photonormal.methods.inputs.maps import (
     brightest_one,
     by_angles,
     cells,
+    disc,
+    mirrored,
     observation_maps,
     seen_from_above,
 )
@@ -45,6 +47,26 @@ def test_a_light_is_where_it_is_seen():
     I = torch.tensor([[0.5, 0.25, 0, 0, 1.0]])
     found = observation_maps(I, axes, 5, seen_from_above)[0]
     assert found[2, 2] == 0.5 and found[2, 4] == 0.25 and found[0, 2] == 1 and found.sum() == 1.75
+
+
+def test_lights_fill_the_disc_and_nothing_else():
+    around = torch.linspace(0, 2 * pi, 400)
+    edge = torch.stack([around.cos(), around.sin(), 0 * around], dim=1)
+    taken = torch.zeros(64, dtype=torch.bool)
+    taken[cells(torch.cat([r * edge for r in (0.1, 0.3, 0.5, 0.7, 0.9, 1)]), 8, seen_from_above)] = True
+    assert torch.equal(taken.view(8, 8), disc(8))
+
+
+def test_maps_are_mirrored_about_the_normals_own_direction():
+    maps = torch.rand(4, 9, 9)
+    N = torch.tensor(
+        [[0.6, 0, 0.8], [0, -0.6, 0.8], [0.5, 0.5, 0.7], [0, 0, 1.0]]
+    )  # right, down, across, to the camera
+    a, b, c, d = mirrored(maps, N)
+    torch.testing.assert_close(a, maps[0].flip(0))
+    torch.testing.assert_close(b, maps[1].flip(1))
+    torch.testing.assert_close(c, maps[2].T)
+    torch.testing.assert_close(d, maps[3].flip(0, 1))  # any plane through the view: half a turn
 
 
 def test_exposure_leaves_a_map_and_black_stays_black():

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from math import radians
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
+from torch.nn import functional as F
 
 Projection = Callable[[Tensor], Tensor]  # unit lights (*b, 3) -> where they are seen, (*b, 2) from -1 to 1
 
@@ -19,6 +20,12 @@ Projection = Callable[[Tensor], Tensor]  # unit lights (*b, 3) -> where they are
 def seen_from_above(L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
     """The hemisphere as the camera would see it (Ikehata 2018)."""
     return L[..., :2]
+
+
+def disc(side: int, device: torch.device | str = "cpu") -> Bool[Tensor, "s s"]:
+    """The cells that a light can be in, `seen_from_above`."""
+    nearest = (torch.linspace(-1, 1, side, device=device).abs() - 1 / (side - 1)).clamp(min=0)  # of a cell
+    return nearest.square() + nearest.square()[:, None] <= 1
 
 
 def by_angles(L: Float[Tensor, "*b 3"], reach_deg: float) -> Float[Tensor, "*b 2"]:
@@ -53,3 +60,14 @@ def about_view(v: Float[Tensor, "*b 3"], angle: Tensor | float) -> Float[Tensor,
     x, y, z = v.unbind(-1)
     c, s = angle.cos(), angle.sin()
     return torch.stack([c * x - s * y, s * x + c * y, z], dim=-1)
+
+
+def mirrored(maps: Float[Tensor, "p s s"], N: Float[Tensor, "p 3"]) -> Float[Tensor, "p s s"]:
+    """Maps as `seen_from_above`, mirrored about the plane of the view and each pixel's normal; zero from outside."""
+    p, side = len(maps), maps.shape[-1]
+    axis = F.normalize(N[:, :2], dim=1)  # (p, 2)
+    at = torch.linspace(-1, 1, side, dtype=N.dtype, device=N.device)
+    cell = torch.stack(torch.meshgrid(at, at, indexing="xy"), dim=-1).flatten(0, 1)  # (s s, 2): x, y
+    other = 2 * (cell @ axis.T).T[..., None] * axis[:, None] - cell  # (p, s s, 2)
+    grid = other.view(p, side, side, 2)
+    return F.grid_sample(maps[:, None], grid.to(maps), mode="bilinear", align_corners=True)[:, 0]

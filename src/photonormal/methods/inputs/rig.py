@@ -19,7 +19,8 @@ def lamps_of(L: Float[Tensor, "*p k 3"], rig: Float[Tensor, "n 3"]) -> Int[Tenso
     Raises
     ------
     InputError
-        If there are not as many, or a light is farther than OFF_DEG from its lamp, as any pixel sees it.
+        If there are not as many, or a light is farther than OFF_DEG from its lamp, as any pixel sees it; the farthest
+        is named, counted from 1 in the order of the photographs.
     """
     n = L.shape[-2]
     if n != len(rig):
@@ -33,10 +34,10 @@ def lamps_of(L: Float[Tensor, "*p k 3"], rig: Float[Tensor, "n 3"]) -> Int[Tenso
     lamps = (mean @ rig.T).argmax(1)
     if len(lamps.unique()) < n:
         lamps = torch.from_numpy(linear_sum_assignment(-(mean @ rig.T).cpu().numpy())[1]).to(L.device)
-    off = float(angle_deg(L.flatten(0, 1), rig[lamps].repeat(len(L), 1)).max())
-    if off > OFF_DEG:
+    off = angle_deg(L.flatten(0, 1), rig[lamps].repeat(len(L), 1)).view(-1, n).amax(0)  # (n,)
+    if off.max() > OFF_DEG:
         raise InputError(
-            f"a light is {off:.1f} degrees from where this network learned it but at most {OFF_DEG:g} are possible; "
-            "train one for your rig: photonormal train dpsn --lights FILE."
+            f"light {int(off.argmax()) + 1} is {float(off.max()):.1f} degrees from where this network learned it but "
+            f"at most {OFF_DEG:g} are possible; train one for your rig: photonormal train dpsn --lights FILE."
         )
     return lamps

@@ -70,7 +70,7 @@ class AttentionPSNNet(FusedNetwork):
                 module.last.weight.data.mul_(BEGIN)
 
     def teach(
-        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], pooled: Any, N: Tensor
+        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], digested: Any, N: Tensor
     ) -> Float[Tensor, "b 1 h w"]:
         return self.attention(images)
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.methods.inputs.maps import seen_from_above
-from photonormal.methods.learned.maps import DenseNet, MapNetwork, OfMaps
+from photonormal.methods.learned.maps import MapNetwork, OfMaps
 
 
 @dataclass(frozen=True)
@@ -36,16 +36,10 @@ class CNNPSNet(MapNetwork):
     Config: ClassVar[type] = CNNPSConfig
 
     def __init__(self, config: CNNPSConfig = CNNPSConfig()) -> None:
-        super().__init__()
-        self.config = c = config
-        self.side = c.side
-        self.net = DenseNet(c.side, grown=c.grown, hidden=c.hidden)
+        super().__init__(config)
 
     def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
         return seen_from_above(L)
-
-    def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
-        return self.net(maps[:, None])
 
 
 @dataclass(frozen=True)

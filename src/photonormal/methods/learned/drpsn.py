@@ -62,9 +62,9 @@ class DRPSNNet(Network):
         return self.normals.look(digested, n, shared)
 
     def teach(
-        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], pooled: Any, N: Tensor
+        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], digested: Any, N: Tensor
     ) -> Float[Tensor, "b m h w"]:
-        return self.back(N, lights[:, : self.config.rendered], pooled.maximum).flatten(1, 2)
+        return self.back(N, lights[:, : self.config.rendered], digested.maximum).flatten(1, 2)
 
 
 class Renderer(nn.Module):

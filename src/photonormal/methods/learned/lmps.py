@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.methods.inputs.maps import by_angles
-from photonormal.methods.learned.maps import DenseNet, MapNetwork, OfMaps
+from photonormal.methods.learned.maps import MapNetwork, OfMaps
 
 
 @dataclass(frozen=True)
@@ -42,16 +42,10 @@ class LMPSNet(MapNetwork):
     Config: ClassVar[type] = LMPSConfig
 
     def __init__(self, config: LMPSConfig = LMPSConfig()) -> None:
-        super().__init__()
-        self.config = c = config
-        self.side = c.side
-        self.net = DenseNet(c.side, grown=c.grown, hidden=c.hidden)
+        super().__init__(config)
 
     def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
         return by_angles(L, float(self.config.reach_deg))
-
-    def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
-        return self.net(maps[:, None])
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ class MapNetwork(Network, ABC):
     Attributes
     ----------
     side : of a map, in cells
+    net : what reads them
     turns : how many turns of the lights, evenly around the view, measured normals are a mean of; one in training
     """
 
@@ -35,16 +36,21 @@ class MapNetwork(Network, ABC):
     stride = 1
     reach = 0
     pointwise = True
-    side: int
     turns: int = TURNS
+
+    def __init__(self, config: Any, channels: int = 1) -> None:
+        super().__init__()
+        self.config = c = config
+        self.side = c.side
+        self.net = DenseNet(c.side, channels, c.grown, c.hidden)
 
     @abstractmethod
     def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
         """Where lights are in a map, from -1 to 1 across and up."""
 
-    @abstractmethod
-    def told(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q 3"]:
-        """Normals of any length, from maps whose brightest cell is 1."""
+    def read(self, maps: Float[Tensor, "q s s"]) -> Float[Tensor, "q c s s"]:
+        """What the dense network reads: maps whose brightest cell is 1, and what else is made of them."""
+        return maps[:, None]
 
     def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> None:
         return None
@@ -57,19 +63,25 @@ class MapNetwork(Network, ABC):
         maps = [observation_maps(I, about_view(L, angle), self.side, self.projection) for angle in self.angles()]
         return Pooled(torch.stack(maps, dim=1).unflatten(0, (b, h, w)))  # (b, h, w, turns, s, s)
 
-    def digest(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b h w 3"]:
-        maps = brightest_one(pooled.maximum.flatten(0, 3))
-        N = torch.cat([self.told(some).float() for some in maps.split(MAPS)])
-        N = F.normalize(N, dim=1).unflatten(0, pooled.maximum.shape[:4])  # (b, h, w, turns, 3)
-        return about_view(N, -torch.tensor(self.angles(), device=N.device)).mean(3)
+    def digest(self, pooled: Pooled, n: int, shared: Any) -> Float[Tensor, "b h w d"]:
+        """Normals, and while it trains the cells of what was made of the maps."""
+        size = pooled.maximum.shape[:4]  # b, h, w, turns
+        N, made = [], []
+        for maps in brightest_one(pooled.maximum.flatten(0, 3)).split(MAPS):
+            x = self.read(maps)
+            N.append(F.normalize(self.net(x).float(), dim=1))
+            made.append(x[:, 1:].flatten(1))
+        angles = torch.tensor(self.angles(), device=pooled.maximum.device)
+        mean = about_view(torch.cat(N).unflatten(0, size), -angles).mean(3)
+        return torch.cat([mean, torch.cat(made).unflatten(0, size)[..., 0, :]], dim=-1) if self.training else mean
 
     def angles(self) -> list[float]:
         """Of the turns, in radians."""
         turns = 1 if self.training else self.turns
         return [2 * pi * turn / turns for turn in range(turns)]
 
-    def look(self, digested: Float[Tensor, "b h w 3"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return F.normalize(digested.permute(0, 3, 1, 2), dim=1)
+    def look(self, digested: Float[Tensor, "b h w d"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
+        return F.normalize(digested[..., :3].permute(0, 3, 1, 2), dim=1)
 
 
 @dataclass(frozen=True)

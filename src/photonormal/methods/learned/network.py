@@ -55,14 +55,15 @@ class Network(Model, ABC):
     pointwise : whether `encode` and `digest` see each pixel by itself, and `begin` takes None for the lights where
         only `look` follows
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
-    teaches : what `teach` gives: "attention" (how much each pixel is an edge), "images" (rendered back) or "" (nothing)
+    teaches : what `teach` gives: "attention" (how much each pixel is an edge), "images" (rendered back), "maps" (how
+        wrong those are that were interpolated, and how far from symmetric) or "" (nothing)
     """
 
     stride: int
     reach: int
     pointwise: bool = False
     memory: int = 0
-    teaches: ClassVar[Literal["", "attention", "images"]] = ""
+    teaches: ClassVar[Literal["", "attention", "images", "maps"]] = ""
 
     @abstractmethod
     def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Any:
@@ -88,9 +89,12 @@ class Network(Model, ABC):
         return self.look(self.digest(pooled, n, shared), n, shared)
 
     def teach(
-        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], pooled: Any, N: Tensor
+        self, images: Float[Tensor, "b n c h w"], lights: Float[Tensor, "b n 3 *hw"], digested: Any, N: Tensor
     ) -> Float[Tensor, "b e h w"]:
-        """What a loss compares beside the normals N (b, 3, h, w) and no measurement needs: see `teaches`."""
+        """What a loss compares beside the normals N (b, 3, h, w) and no measurement needs: see `teaches`.
+
+        `digested` is what `digest` gave.
+        """
         raise NotImplementedError
 
     def forward(
@@ -110,10 +114,10 @@ class Network(Model, ABC):
         found: list[Tensor] = []
         for _ in range(passes):
             shared = self.begin(prior, lights)
-            pooled = self.encode(images, lights, shared)
-            told = self.decode(pooled, images.shape[1], shared)
+            digested = self.digest(self.encode(images, lights, shared), images.shape[1], shared)
+            told = self.look(digested, images.shape[1], shared)
             if self.teaches and self.training:
-                told = torch.cat([told, self.teach(images, lights, pooled, told[:, :3])], dim=1)
+                told = torch.cat([told, self.teach(images, lights, digested, told[:, :3])], dim=1)
             found.append(told)
             N, memory = found[-1][:, :3].detach(), found[-1][:, 3 : 3 + self.memory]
             prior = torch.cat([N, memory.to(N.dtype)], dim=1).masked_fill(outside, 0)

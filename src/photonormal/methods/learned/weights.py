@@ -28,6 +28,7 @@ NETWORKS = {  # name -> "module:Class", imported only when asked for
     "cnn-ps": "photonormal.methods.learned.cnnps:CNNPSNet",
     "dpsn": "photonormal.methods.learned.dpsn:DPSNNet",
     "lmps": "photonormal.methods.learned.lmps:LMPSNet",
+    "spline-net": "photonormal.methods.learned.splinenet:SPLINENet",
     "gps-net": "photonormal.methods.learned.gpsnet:GPSNet",
     "attention-psn": "photonormal.methods.learned.attentionpsn:AttentionPSNNet",
     "dr-psn": "photonormal.methods.learned.drpsn:DRPSNNet",

@@ -164,6 +164,16 @@ def test_srgb_pictures_are_told_and_linear_ones_are_not(right, tmp_path):
     assert "encoding" not in kinds(written(tmp_path / "b", right, lambda x: np.rint(255 * x).astype(np.uint8)))
 
 
+def test_without_a_mask_what_stands_out_of_its_ground_is_judged_but_no_patch_of_it(right):
+    """What the frame cuts off more than it fills the frame is painted brighter, or shines."""
+    everything = np.ones(right.mask.shape, bool)
+    (found,) = check(replace(right, mask=everything))
+    assert found.kind == "mask" and not found.grave and "photonormal mask" in found.message
+    corner = np.zeros_like(np.asarray(right.images))
+    corner[:, 45:, 45:] = np.asarray(right.images)[:, 20:47, 20:47]
+    assert "mask" not in kinds(replace(right, images=corner, mask=everything))
+
+
 @pytest.mark.parametrize(
     ("lights", "says"),
     [

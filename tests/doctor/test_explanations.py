@@ -79,13 +79,13 @@ def test_distant_lamps_are_not_near_ones():
     assert told(near_lamps(100.0)) == []
 
 
-def shining(truth: Normals, strength: float, exponent: float) -> Capture:
+def shining(truth: Normals, strength: float, exponent: float, lights: np.ndarray = LIGHTS) -> Capture:
     """A right capture with highlights: `strength` of full brightness, (n.h)^exponent wide."""
-    half = normalised(LIGHTS + np.array([0, 0, 1]))
-    matt = (truth.map @ LIGHTS.T).clip(0)
+    half = normalised(lights + np.array([0, 0, 1]))
+    matt = (truth.map @ lights.T).clip(0)
     I = 0.3 * matt + strength * (matt > 0) * (truth.map @ half.T).clip(0) ** exponent
     images = I.transpose(2, 0, 1)[..., None].astype(np.float32)
-    return noisy(Capture(images / images.max(), truth.mask, LIGHTS), 3)
+    return noisy(Capture(images / images.max(), truth.mask, lights), 3)
 
 
 @pytest.mark.parametrize(("strength", "exponent"), [(0.2, 60), (0.6, 25), (1.0, 8), (2.0, 30), (5.0, 15)])
@@ -100,6 +100,14 @@ def test_shine_is_neither_another_light_nor_an_encoding(strength, exponent):
 def test_sheen_of_a_ball_is_no_near_lamp(exponent):
     """What faces a lamp lies on its side of the ball, so that places explain sheen nearly as well as normals do."""
     assert told(shining(sphere(72), 0.2, exponent)) == []
+
+
+@pytest.mark.parametrize("domed", [0.3, 0.5])
+@pytest.mark.parametrize("exponent", [4, 8])
+def test_sheen_of_a_domed_tablet_is_no_near_lamp(domed, exponent):
+    y, x = np.mgrid[1:-1:72j, -1:1:72j]
+    map = normalised(np.stack([domed * x, domed * y, np.ones_like(x)], axis=-1)).astype(np.float32)
+    assert told(shining(Normals(map, np.ones(x.shape, bool)), 0.3, exponent)) == []
 
 
 @pytest.mark.parametrize("exponent", [100, 300])
@@ -118,6 +126,24 @@ def test_shine_of_flat_ground_is_no_brighter_light(exponent):
     images[16] *= 0.6
     (found,) = [f for f in check(replace(capture, images=images)) if f.kind == "intensities"]
     assert "image 17 x 0.6" in found.message
+
+
+@pytest.mark.parametrize(("strength", "exponent"), [(1.0, 30), (2.0, 20)])
+def test_shine_of_a_rough_plate_is_no_brightness_of_its_lights(strength, exponent):
+    """It faces the camera: the nearer a light is to the view, the brighter the whole plate shines."""
+    import cv2
+
+    lights = np.concatenate([dome(14, 40.0), dome(4, 10.0)[:2]])
+    g = np.random.default_rng(0)
+    blobs, grain = (cv2.GaussianBlur(g.standard_normal((72, 72)), (0, 0), sigma) for sigma in (3.0, 1.0))
+    z_y, z_x = np.gradient(np.where(4 * blobs > 1, 12 * blobs, 0) + 0.5 * grain)
+    map = normalised(np.stack([-z_x, z_y, np.ones_like(z_x)], axis=-1)).astype(np.float32)
+    plate = Normals(map, np.ones(z_x.shape, bool))
+    assert "intensities" not in {f.kind for f in check(shining(plate, strength, exponent, lights))}
+    matter = shining(plate, 0.3, 30, lights)
+    uneven = g.uniform(0.4, 1, len(lights))[:, None, None, None] * np.asarray(matter.images)
+    (found,) = [f for f in check(changed(matter, uneven)) if f.kind == "intensities"]
+    assert found.grave and "differ from those given" in found.message
 
 
 def test_light_that_shadows_take_away_does_not_stay_on(right):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photonormal.doctor.motion import shifts
+from photonormal.doctor.motion import motion, shifts
 from photonormal.geometry import normalised
 from tests.calibration.chrome import dome
 
@@ -46,6 +46,28 @@ def test_shifts_are_found_and_others_are_left_alone(rough, moved):
     found = shifts(images)
     assert np.flatnonzero(found.any(1)).tolist() == sorted(moved)
     assert all(np.abs(found[j] - s).max() < 0.5 for j, s in moved.items())
+
+
+@pytest.mark.parametrize("group", [slice(10, None), slice(None, 8), slice(None, None, 2)])
+def test_many_pictures_shifted_alike_are_told_against_the_others(rough, group):
+    """As after a camera was touched: no picture moved against most of the others."""
+    images = rough.copy()
+    images[group] = np.roll(images[group], (3, -2), axis=(1, 2))
+    moved = np.zeros(len(images), bool)
+    moved[group] = True
+    sign = 1 if 2 * moved.sum() < len(images) else -1  # of more than half the others are named
+    named = moved if sign == 1 else ~moved
+    found = shifts(images)
+    assert (found.any(1) == named).all() and np.abs(found[named] - sign * np.array([-2, 3])).max() < 0.5
+
+
+def test_pictures_shifted_alike_are_named_together(rough):
+    images = rough.copy()
+    images[12:] = np.roll(images[12:], (0, 4), axis=(1, 2))
+    images[3] = np.roll(images[3], (-5, 0), axis=(0, 1))
+    (found,) = motion(images, 0.5, [f"{j}.png" for j in range(len(images))])
+    assert "8 pictures are shifted" in found.message and found.grave
+    assert "3.png by (+0.0, -10.0) px, 12.png to 18.png by (+8.0, +0.0) px;" in found.message
 
 
 def test_what_moves_by_itself_is_no_picture_that_moved():

@@ -18,7 +18,7 @@ from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-ROUND, BY_NORMALS = 1.5, 0.95  # 2 for a ball; and misfit with near lamps, as part of that with normals for places
+BY_NORMALS = 0.94  # misfit with near lamps, as part of that with normals for places
 HALFWAY, PARTS_AGREE = 0.6, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
 LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
 CORRECTED = 0.5  # misfit with twice the angles below which they are written
@@ -123,8 +123,8 @@ def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[f
 def _near(pixels: Pixels, L: np.ndarray, b: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
     """Each picture is brighter on its lamp's side, as on a plane under lamps at one distance.
 
-    On a round object normals face the lamp on that side, too, and sheen is brighter there: places have to explain more
-    than normals do.
+    On what is round or domed normals face the lamp on that side, too, and sheen is brighter there: places have to
+    explain more than normals do.
     """
     gains = [pixels.gain(before, pixels.fit(at_distance(pixels.place, L, d))[1]) for d in WIDTHS]
     k = int(np.argmin([g.left for g in gains]))
@@ -133,11 +133,12 @@ def _near(pixels: Pixels, L: np.ndarray, b: np.ndarray, before: np.ndarray) -> t
     mirrored = pixels.gain(before, pixels.fit(at_distance(-pixels.place, L, WIDTHS[k]))[1])
     if gains[k].left > MIRRORED * mirrored.left:
         return None
-    place = normalised(b)[:, :2] / 2  # on a ball
-    if np.trace(np.linalg.lstsq(pixels.place, place, rcond=None)[0]) > ROUND:
-        by_normals = min(pixels.gain(before, pixels.fit(at_distance(place, L, d))[1]).left for d in WIDTHS)
-        if gains[k].left > BY_NORMALS * by_normals:
-            return None
+    place = normalised(b)[:, :2]
+    place = place - place.mean(0)
+    place *= np.linalg.norm(pixels.place) / np.linalg.norm(place).clip(1e-9)  # as those of a dome are
+    by_normals = min(pixels.gain(before, pixels.fit(at_distance(place, L, d))[1]).left for d in WIDTHS)
+    if gains[k].left > BY_NORMALS * by_normals:
+        return None
     message = (
         "the lamps are near: each picture is brighter on its lamp's side, as if lamps were about "
         f"{WIDTHS[k]:g} widths of the object away, but directions alone are taken for distant lamps. Give --mm-per-px "

@@ -23,6 +23,8 @@ LESS_CURL = 0.8  # of what the given intensities make of the pictures, that othe
 EXPLAINED = 0.4  # of the misfit is left at most with those factors
 ANGLES_DEG = 6.0  # between a normal and the direction halfway to the light, by which orientations are told apart
 ORIENTATIONS = 5  # of them at least: fewer may all shine
+ELSEWHERE = 0.7  # of the logarithm of a factor at half of the samples, that is left at those farther from shine
+SHINING = 0.9  # correlation of factors with the lights' z, as shine of what faces the camera has
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
 
@@ -96,7 +98,8 @@ def _reordered(
 def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> list[Finding]:
     """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts.
 
-    Shine brightens a picture where normals are halfway to its light, an intensity wherever they point.
+    Shine brightens a picture where normals are halfway to its light, an intensity wherever they point. Shine of what
+    faces the camera brightens pictures the more, the nearer their lights are to its axis.
     """
     pixels, L = Pixels.of(given.seen(), mask), given.directions()
     if pixels is None:
@@ -119,11 +122,17 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         part = (angle // ANGLES_DEG).astype(int)
         if (np.bincount(part[lit]) >= OF_PART).sum() < ORIENTATIONS:
             return False
+        change = np.log(pixels.I[:, j].clip(1e-6) / shown.clip(1e-6))
+        far = angle > np.median(angle[lit])
+        if abs(np.median(change[lit & far])) < ELSEWHERE * abs(np.median(change[lit & ~far])):
+            return False
         oriented = replace(pixels, part=part)
         return all(p.gain(before, after, lit).below(EXPLAINED) for p in (pixels, oriented))
 
     spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
     if spread > np.log(OFF):
+        if np.corrcoef(np.log(factor), L[:, 2])[0, 1] > SHINING:
+            return []
         before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
         smoother = judged(even).curl < LESS_CURL * judged(before).curl
         if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):

@@ -110,6 +110,10 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
     except InputError:
         return samples.I, samples.mask
     level = np.quantile(samples.I, 0.9, axis=1)
+    edge = np.ones_like(mask)
+    edge[1:-1, 1:-1] = False
+    if mask[edge].mean() > mask.mean():
+        return samples.I, samples.mask  # patches of what fills the frame
     if mask.all() or np.median(level[~mask.ravel()]) > GROUND * np.median(level[mask.ravel()]):
         return samples.I, samples.mask  # paint, or a shining spot
     return samples.I[mask.ravel()], mask

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import signal
 import sys
@@ -30,4 +31,5 @@ def main() -> int:
     if came:
         sys.stderr.flush()
         os._exit(128 + came[0])  # what threads were still computing is of no use to anyone
+    gc.freeze()  # the process ends: to look through all that it has loaded for garbage would take half a second
     return code

@@ -51,6 +51,7 @@ def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeyp
     from distributed import Client
 
     monkeypatch.setattr(parts, "STEP", 16)
+    monkeypatch.setattr(parts, "LEAST", 16)
     monkeypatch.setattr(progress, "_told", None)
     monkeypatch.setattr(types, "_share", None)
     solved = []

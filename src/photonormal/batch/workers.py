@@ -22,15 +22,7 @@ from photonormal.batch.work import At, Begun, Outcome, use_threads, work
 from photonormal.files import memory
 from photonormal.types import cores
 
-LOADED = (  # what measuring takes long to load, in any order
-    *("cv2", "numpy", "scipy.fft", "scipy.ndimage", "scipy.special", "torch", "trimesh"),
-    *(
-        "photonormal.job",
-        "photonormal.methods.engine",
-        "photonormal.methods.expected",
-        "photonormal.doctor.explanations",
-    ),
-)
+LOADED = "photonormal.batch.loaded"  # has imported what measuring needs
 TRIES = 3  # of a capture whose process ends early
 EACH = memory.LEAST  # bytes that a process may use, at least
 OFTEN_S = 0.2  # between two words about how far a capture is
@@ -71,7 +63,7 @@ def begin_loading() -> None:
     if _context().get_start_method() == "forkserver":
         from multiprocessing import forkserver
 
-        multiprocessing.set_forkserver_preload(list(LOADED))
+        multiprocessing.set_forkserver_preload([LOADED])
         with _without_ctrl_c():
             forkserver.ensure_running()
 

@@ -19,6 +19,7 @@ CPU = torch.device("cpu")
 @pytest.fixture(autouse=True)
 def small_windows(monkeypatch):
     monkeypatch.setattr(parts, "STEP", 32)
+    monkeypatch.setattr(parts, "LEAST", 32)
 
 
 @pytest.mark.parametrize("method", ["trimmed", "woodham", "l1"])

@@ -8,10 +8,10 @@ import numpy as np
 
 from photonormal.methods.contract import Method, Solution, Streaming
 from photonormal.methods.engine import not_dark
-from photonormal.methods.engine.plan import SIDE
 from photonormal.types import Capture, box_of
 
-STEP = SIDE["cpu"]  # rows between two places that a part may end at, so that windows are those of the whole
+STEP = 64  # rows between two places that a part may end at: a multiple of every network's stride
+LEAST = 512  # rows of a part: of fewer, a network would see more of the neighbours than of the part
 
 
 def divisible(method: Method, capture: Capture) -> bool:
@@ -29,10 +29,10 @@ def divided(method: Method, capture: Capture, count: int) -> list[slice]:
     before = np.cumsum([0, *np.count_nonzero(capture.mask, axis=1)])  # pixels above each row
     ends = [0]
     if divisible(method, capture):
-        places = np.arange(box.start + STEP, box.stop, STEP)
+        places = np.arange(box.start + LEAST, box.stop - LEAST + 1, STEP)
         for wanted in before[-1] * np.arange(1, count) / count if len(places) else ():
             place = int(places[np.abs(before[places] - wanted).argmin()])
-            if before[ends[-1]] < before[place] < before[-1]:
+            if place - max(ends[-1], box.start) >= LEAST:
                 ends.append(place)
     return [slice(a, b) for a, b in zip(ends, [*ends[1:], height], strict=True)]
 

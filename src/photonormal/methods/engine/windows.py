@@ -80,19 +80,18 @@ class Box:
         """The parts of the box, or of some of its rows, each `tile` pixels a side at most, with `margin` pixels around;
         none without a mask pixel.
 
-        A box that is less than two margins larger than a tile is one part.
+        What is less than two margins larger than a tile, with what it sees around it, is one part.
         """
         h, w = self.mask.shape
         rows = rows or slice(0, h)
-        tile_h, tile_w = (s if s <= tile + 2 * margin else tile for s in (h, w))
+        seen = min(rows.stop + margin, h) - max(rows.start - margin, 0)
+        tile_h = rows.stop - rows.start if seen <= tile + 2 * margin else tile
+        tile_w = w if w <= tile + 2 * margin else tile
         found = []
-        for y in range(0, h, tile_h):
+        for y in range(rows.start, rows.stop, tile_h):
             for x in range(0, w, tile_w):
-                core = (
-                    slice(max(y, rows.start), min(y + tile_h, rows.stop)),
-                    slice(x, min(x + tile_w, w)),
-                )
-                if core[0].start < core[0].stop and self.mask[core].any():
+                core = slice(y, min(y + tile_h, rows.stop)), slice(x, min(x + tile_w, w))
+                if self.mask[core].any():
                     found.append(Window(core, (slice(0, h), slice(0, w))).narrowed(margin))
         return found
 

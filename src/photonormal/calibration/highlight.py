@@ -19,7 +19,7 @@ FAINT = 0.15  # peak, as part of the pictures' median, below which a reflection 
 MISSING = 0.25  # part of the pictures that may lack a highlight
 ALIKE = 12  # pictures that tell how large the lights' reflections are
 NOTHING = 1e-6  # what no picture shows
-LARGER = 3.0  # light of a broader reflection, in that of a finer one, that makes it the light's
+AS_BRIGHT, LARGER = 0.7, 3.0  # how far a broader reflection stands out, and its light, in terms of a finer one's
 LARGEST = 0.06  # part of the sphere's disc that a light's reflection covers at most
 
 
@@ -65,15 +65,19 @@ def looked_for(
 def _scale(seen: Sequence[Reflections], circle: Circle) -> int:
     """The scale of the lights' reflections, which are alike: one stands out farther than all else in its picture.
 
-    It is the finest such one, as shading is broad; but larger reflections are not those of another sphere or of glass.
+    It is the finest such one, as shading is broad. Where another is as bright and larger, the fine one was that of
+    another sphere or of glass.
     """
     heights = np.array([[s.heights(k) for k in s.disc.scales] for s in seen])  # (n, l, 2)
     distinct = np.median((heights[..., 0] + NOTHING) / (heights[..., 1] + NOTHING), axis=0)
-    flux = np.median(heights[..., 0], axis=0) * 4.0 ** np.arange(len(distinct))
-    some = np.flatnonzero(distinct >= min(1 / RIVAL, distinct.max()))
+    height = np.median(heights[..., 0], axis=0)
+    flux = height * 4.0 ** np.arange(len(distinct))
+    some = np.flatnonzero(distinct >= 1 / RIVAL)
+    if some.size == 0:
+        return int(np.median(heights[..., 0] - heights[..., 1], axis=0).argmax())
     found = some[0]
     for k in some[1:]:
-        if flux[k] > LARGER * flux[found]:
+        if height[k] > AS_BRIGHT * height[found] and flux[k] > LARGER * flux[found]:
             spots = [h for h in (s.highlight(k) for s in seen) if h is not None]
             if np.median([_part(h, circle) / h.peak for h in spots]) < LARGEST:
                 found = k

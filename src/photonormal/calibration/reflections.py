@@ -9,18 +9,15 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.calibration.circle import Circle
-from photonormal.types import box_of
 
 RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
 WIDEST = 0.2  # largest scale, in radii, at which reflections are looked for
 SATURATED = 0.98  # of full scale
-CORE = 0.9  # part of a saturated peak above which a pixel belongs to a reflection; else half the way up
 TOPS = 4  # places of a picture that are looked at
 APART = 3.0  # distance, in scales, within which two places are one
 FEW_PX = 8  # pixels of a part below which its neighbours help to find its middle
 FLOOR = 0.05  # of the peak, below which a pixel's logarithm tells nothing
 RIVAL = 0.5  # flux of a second reflection, as part of the first's, above which the choice is doubtful
-OPENING = 0.7  # radius of the opening, as part of the largest disc inside a reflection
 
 
 @dataclass(frozen=True)
@@ -136,22 +133,13 @@ class Reflections:
         rival = others[0][0] / height if others else 0.0
         return replace(self._spot(k, top), rival=rival, rivals=tuple((s.x, s.y) for s in rivals))
 
-    def _spot(self, k: int, near: int) -> Highlight:
-        """The reflection there: what exceeds half of its height over its surroundings; of a saturated one the core."""
-        smooth, around = self.blurred(0), self.blurred(k + 1)
-        y, x = divmod(near, smooth.shape[1])
-        proud = smooth - around
-        top = int(np.where(_within(smooth.shape, x, y, 1.5 * 2**k), proud, -1).argmax())
-        peak = float(proud.flat[top])
+    def _spot(self, k: int, top: int) -> Highlight:
+        """The reflection there: what exceeds half of the height to which it stands out at scale k."""
+        proud, smooth = self.proud(k), self.blurred(0)
+        part = _part_at(proud > proud.flat[top] / 2, top)
+        x, y = _middle(proud, part)
+        area, peak = int(part.sum()), float(smooth.flat[top] - self.blurred(k + 1).flat[top])
         saturated = float(smooth.flat[top]) >= SATURATED * (1 - float(self.static.flat[top]))
-        core = CORE * float(smooth.flat[top]) - float(around.flat[top])
-        threshold = max(peak / 2, core) if saturated else peak / 2
-        _, parts = _parts(proud > threshold)
-        part = parts == parts.flat[top]
-        x, y = _centroid(np.maximum(proud - threshold, 0), part)
-        if not saturated:
-            x, y = _middle(proud, part, x, y)
-        area = int(part.sum())
         return Highlight(x, y, area, peak, area * peak, saturated)
 
 
@@ -166,37 +154,25 @@ def _blur(picture: np.ndarray, k: int) -> np.ndarray:
     return cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 2.0**k)
 
 
-def _parts(shown: Bool[np.ndarray, "h w"]) -> tuple[int, np.ndarray]:
-    """Connected parts: their number with the ground, and labels (h, w)."""
+def _part_at(shown: Bool[np.ndarray, "h w"], pixel: int) -> Bool[np.ndarray, "h w"]:
+    """What is connected with a pixel."""
     import cv2
 
-    return cv2.connectedComponents(shown.astype(np.uint8), connectivity=8)
+    _, parts = cv2.connectedComponents(shown.astype(np.uint8), connectivity=8)
+    return parts == parts.flat[pixel]
 
 
-def _middle(proud: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"], x: float, y: float) -> tuple[float, float]:
-    """The middle of a round Gaussian near (x, y): a parabola fitted to the logarithm, weighted by what stands out."""
+def _middle(proud: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) -> tuple[float, float]:
+    """The middle (x, y) of a round Gaussian: a parabola fitted to the logarithm, weighted by what stands out."""
     import cv2
 
     around = cv2.dilate(part.astype(np.uint8), np.ones((3, 3), np.uint8)) if part.sum() < FEW_PX else part
     row, column = np.nonzero(around)
     w = proud[row, column].clip(FLOOR * proud[part].max())
+    x, y = float((column * w).sum() / w.sum()), float((row * w).sum() / w.sum())
     dx, dy = column - x, row - y
     A = np.stack([np.ones_like(w), dx, dy, dx**2 + dy**2], axis=-1)  # (m, 4)
     _, a, b, c = np.linalg.lstsq(A * w[:, None], np.log(w) * w, rcond=None)[0]
     if c >= 0 or np.hypot(a, b) > -2 * c:  # no peak within a pixel
         return x, y
     return float(x - a / (2 * c)), float(y - b / (2 * c))
-
-
-def _centroid(weights: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) -> tuple[float, float]:
-    """Weighted centre (x, y) of a reflection without its streaks."""
-    import cv2
-
-    box = box_of(part, 1)
-    blob = part[box].astype(np.uint8)
-    depth = cv2.distanceTransform(np.pad(blob, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]  # pixels to the edge
-    radius = OPENING * depth.max()
-    opened = (cv2.distanceTransform((depth < radius).astype(np.uint8), cv2.DIST_L2, 5) < radius) & (blob > 0)
-    row, column = np.nonzero(opened)
-    w = weights[box][row, column]
-    return float((column * w).sum() / w.sum() + box[1].start), float((row * w).sum() / w.sum() + box[0].start)

@@ -233,7 +233,9 @@ def test_a_result_becomes_a_folder_for_the_web_or_nothing(result, tmp_path, caps
     refused("--to", "relight", "--out", tmp_path / "ball", "--overwrite", says="is read here")
     for words in (("--to", "relight", "--webp"), ("--to", "gltf", "--tile"), ("--to", "ptm", "--program", "unreal")):
         refused(*words, "--out", lime, says=f"{words[2]} came without --to")
+    capsys.readouterr()
     assert main(["export", str(result), "--to", "openlime-hsh", "--out", str(lime)]) == 0
+    assert f"python -m http.server --directory {lime}" in capsys.readouterr().err
     assert "info.json" in (lime / "index.html").read_text() and len(list(lime.glob("plane_*.jpg"))) == 9
     monkeypatch.setattr(web, "LARGEST", 20)
     refused("--to", "relight", "--out", tmp_path / "large", says="openlime")

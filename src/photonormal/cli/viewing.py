@@ -45,9 +45,9 @@ class Export:
     """HTML file to write, to relight, turn and measure the result without server or network."""
     to: Annotated[str, shown("FORMAT")] = ""
     """Format of --out.
-    Relightable files: ptm (luminance and colour), ptm-rgb, hsh (9 terms), hsh16.
-    Relightable folders for the web: relight, relight-hsh; with a page: openlime, openlime-hsh.
-    For 3D programs: gltf (.glb: mesh, colour, normal map, occlusion); maps (a folder of pictures)."""
+    Relightable files for RTIViewer and the like: ptm (.ptm, luminance and colour), ptm-rgb; hsh (.rti, 9 terms), hsh16.
+    Relightable folders for the web: relight, relight-hsh (RelightLab's); with a page: openlime, openlime-hsh.
+    For 3D programs: gltf (.glb: mesh, colour, normal map, occlusion); maps (a folder of pictures for materials)."""
     out: FileOrFolder = None
     """File or folder to write, where it is no page."""
     relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
@@ -121,7 +121,10 @@ class Export:
         if self.to:
             from photonormal.handover.relightable import export_relighting
 
-            return export_relighting(self.result, self.to, out, self.capture, self.overwrite, self.webp)
+            path = export_relighting(self.result, self.to, out, self.capture, self.overwrite, self.webp)
+            if self.to.startswith("openlime"):
+                tell(f"Browsers open it from a web server alone, such as: python -m http.server --directory {path}")
+            return path
         from photonormal.handover.relit import export_relit
 
         return export_relit(self.result, out, self.relit, self.sweep, self.by, self.capture, self.overwrite)

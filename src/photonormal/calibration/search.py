@@ -29,7 +29,7 @@ ALIKE = (0.01, 0.2)  # distance and difference of radii, in radii and pixels, be
 OUTLINES = 8  # circles tried in each place
 CONFIDENCE = 0.3  # below it no sphere was found; objects without one stayed below 0.2
 MIRRORS = 0.7  # part of the pictures whose highlight is a mirror's
-ENOUGH_PX = 100  # radius of a sphere with which highlights are found surely enough to choose among circles
+ENOUGH_PX = 50  # radius of a sphere with which highlights are found surely enough to choose among circles
 SPREAD = 0.03  # of the highlights, in radii, below which they do not move
 SUPPORTED = 0.15  # unexplained shading below which a circle needs half of CONFIDENCE only
 AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellation, that another one needs
@@ -38,9 +38,9 @@ TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 TELLS = 0.85  # and from which it tells the sphere's circle from others
 ASTRAY = (6.0, 0.35)  # how far below the middle one picture may be, in what that lacks, and at least
-AS_DARK = (0.3, 0.01)  # how much less it may be, as part of what the best circle lacks, and absolute
+AS_DARK = (0.2, 0.002)  # how much less it may be, as part of what the best circle lacks, and absolute
 NEAR = (0.0, 0.02, 0.04, 0.06, 0.09)  # a sphere's radius as a part of the lamps' distance
-ROUNDS = 2  # of looking for highlights in a circle and improving it by its shadows
+ROUNDS = 3  # of looking for highlights in a circle and improving it by its shadows
 UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer than chance
 FULLY = 0.65  # confidence of such a circle at most
 ODD = (0.3, 3.0)  # part of the shading that the lights leave unexplained, and times what any lights would
@@ -158,16 +158,22 @@ def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photogr
         seeds = [Circle(*middle, part * s * scale, 0.0) for part in SEEDS]
         found += _in_place(roots, np.stack(dark), left, top, scale, seeds)
     found += _in_place(survey.roots, survey.dark / np.float32(255), 0, 0, survey.scale)
-    found.sort(key=lambda f: -f.circle.confidence)
+    return _apart(found)
+
+
+def _apart(found: list[Found]) -> list[Found]:
+    """Of circles alike the one that explains the shadows best, as sure as the surest of them; the surest first."""
     apart: list[Found] = []
-    for f in found:
+    for f in sorted(found, key=lambda f: (-f.shadows if f.shades else 0.0, -f.circle.confidence)):
         a = f.circle
-        if all(
-            np.hypot(a.x - b.x, a.y - b.y) + abs(a.r - b.r) > ALIKE[0] * b.r + ALIKE[1]
-            for b in (g.circle for g in apart)
-        ):
+        for k, b in enumerate(g.circle for g in apart):
+            if np.hypot(a.x - b.x, a.y - b.y) + abs(a.r - b.r) <= ALIKE[0] * b.r + ALIKE[1]:
+                surest = max(a.confidence, b.confidence)
+                apart[k] = replace(apart[k], circle=replace(b, confidence=surest))
+                break
+        else:
             apart.append(f)
-    return apart
+    return sorted(apart, key=lambda f: -f.circle.confidence)
 
 
 def _box(place: tuple[float, float, float], shape: tuple[int, int]) -> tuple[slice, slice, float]:

@@ -139,11 +139,13 @@ def true_deg(normals: pn.Normals, truth: pn.Normals) -> np.ndarray:
 def write(found: Found, count: int) -> None:
     """Fit the methods that were measured and write FILE; the others keep what they have."""
     methods = json.loads(FILE.read_text())["methods"] | {
-        text: {"made_for": asdict(MadeFor.of(method_of(text)))} | calibration(rows) for text, rows in found.items()
+        text: {"made_for": asdict(MadeFor.of(method_of(text))), "scenes": count} | calibration(rows)
+        for text, rows in found.items()
     }
-    command = f"python benchmarks/expected.py --fit --scenes {count}"
     lines = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in methods.items()]
-    FILE.write_text(f'{{"made by": {json.dumps(command)}, "methods": {{\n' + ",\n".join(lines) + "\n}}\n")
+    FILE.write_text(
+        '{"made by": "python benchmarks/expected.py --fit", "methods": {\n' + ",\n".join(lines) + "\n}}\n"
+    )
 
 
 def calibration(rows: list[tuple[int, np.ndarray, np.ndarray]]) -> dict[str, list]:

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from photonormal.calibration.choice import Found
 from photonormal.calibration.circle import SphereError
-from photonormal.calibration.search import Found, find_spheres
+from photonormal.calibration.search import find_spheres
 from photonormal.types import InputError
 from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
 

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool
 
+from photonormal.calibration.choice import Found
 from photonormal.calibration.circle import Circle, SphereError, from_mask
 from photonormal.calibration.highlight import check_highlights, darkest, looked_for
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.reflections import Highlight
-from photonormal.calibration.search import Found, find_spheres
+from photonormal.calibration.search import find_spheres
 from photonormal.calibration.survey import Photograph
 from photonormal.types import InputError
 

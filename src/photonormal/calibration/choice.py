@@ -1,0 +1,145 @@
+"""Circles that may be a sphere's outline, and which of those around the same highlights is.
+
+It is the one whose shadows are where the photographs are dark. Where no shadows are seen: of those whose lights explain
+the shading of the rest of the frame best the outermost.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from photonormal.calibration.circle import Circle
+from photonormal.calibration.mirror import directions
+from photonormal.calibration.survey import Survey, unexplained
+from photonormal.geometry import angle_deg
+
+ALIKE = (0.01, 0.2)  # distance and difference of radii, in radii and pixels, below which circles are one
+CONFIDENCE = 0.3  # below it no sphere was found; objects without one stayed below 0.2
+MIRRORS = 0.7  # part of the pictures whose highlight is a mirror's
+SUPPORTED = 0.15  # unexplained shading below which a circle needs half of CONFIDENCE only
+AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellation, that another one needs
+AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, that is as good as another's
+TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
+TELLS = 0.85  # and from which it tells the sphere's circle from others
+AS_DARK = (0.2, 0.002)  # how much less it may be, as part of what the best circle lacks, and absolute
+ODD = (0.3, 3.0)  # part of the shading that the lights leave unexplained, and times what any lights would
+TOLD_DEG = 5.0  # mean angle between the lights of two circles that is worth telling
+
+
+@dataclass(frozen=True)
+class Found:
+    """A circle, how it mirrors, and how it compares.
+
+    Parameters
+    ----------
+    xy : (n, 2) its highlights, NaN where a picture has none
+    mirrored : part of the pictures whose highlight is a mirror's
+    rival : confidence of the best circle elsewhere
+    notes : what the user is to know
+    supported : its lights explain the shading of the rest of the frame
+    unexplained : part of that shading which they don't
+    shadows : correlation of what is dark around it with the shadows of that sphere under those lights
+    astray : pictures whose highlight is not where their shadow says
+    """
+
+    circle: Circle
+    xy: np.ndarray = field(repr=False)
+    mirrored: float
+    rival: float = 0.0
+    notes: tuple[str, ...] = ()
+    supported: bool = False
+    unexplained: float = 0.0
+    shadows: float = 0.0
+    astray: tuple[int, ...] = ()
+
+    def moved(self, x0: float, y0: float, scale: float) -> Found:
+        """The same in pixels of the photograph: this place begins at (x0, y0) and was seen `scale` times as large."""
+        c = self.circle
+        x, y = (c.x + 0.5) / scale - 0.5 + x0, (c.y + 0.5) / scale - 0.5 + y0
+        circle = replace(c, x=x, y=y, r=c.r / scale, residual_px=c.residual_px / scale)
+        return replace(self, circle=circle, xy=(self.xy + 0.5) / scale - 0.5 + (x0, y0))
+
+    @property
+    def good(self) -> bool:
+        """Whether it mirrors inside a circle that may be an outline."""
+        return self.circle.confidence >= CONFIDENCE / 2 and self.mirrored >= MIRRORS
+
+    @property
+    def shades(self) -> bool:
+        """Whether what is dark around it is its shadow, as only a sphere of that outline casts it."""
+        return self.shadows >= TELLS
+
+    @property
+    def merit(self) -> float:
+        """Larger, surer, more of a mirror."""
+        return float(self.mirrored * self.circle.confidence * np.sqrt(self.circle.r))
+
+
+def apart(found: list[Found]) -> list[Found]:
+    """Of circles alike the one that explains the shadows best, as sure as the surest of them; the surest first."""
+    kept: list[Found] = []
+    for f in sorted(found, key=lambda f: (-f.shadows if f.shades else 0.0, -f.circle.confidence)):
+        a = f.circle
+        for k, b in enumerate(g.circle for g in kept):
+            if np.hypot(a.x - b.x, a.y - b.y) + abs(a.r - b.r) <= ALIKE[0] * b.r + ALIKE[1]:
+                surest = max(a.confidence, b.confidence)
+                kept[k] = replace(kept[k], circle=replace(b, confidence=surest))
+                break
+        else:
+            kept.append(f)
+    return sorted(kept, key=lambda f: -f.circle.confidence)
+
+
+def overlap(a: Circle, b: Circle) -> bool:
+    return np.hypot(a.x - b.x, a.y - b.y) < 0.9 * max(a.r, b.r)
+
+
+def best_of(around: list[Found], survey: Survey, where: str) -> Found:
+    """Of circles around one constellation the surest that explains the shadows; where none does, the shading."""
+    most = max(f.shadows for f in around)
+    if most < TELLS:
+        return _best_shaded([f for f in around if f.circle.confidence >= CONFIDENCE] or around, survey, where)
+    least = most - AS_DARK[0] * (1 - most) - AS_DARK[1]
+    chosen = max((f for f in around if f.shadows >= least), key=lambda f: f.circle.confidence)
+    shown = np.isfinite(chosen.xy).all(1)
+    left, _ = unexplained(survey.shading([chosen.circle])[shown], directions(chosen.circle, chosen.xy[shown])[0])
+    return replace(chosen, supported=True, unexplained=left if np.isfinite(left) else ODD[0])
+
+
+def _best_shaded(around: list[Found], survey: Survey, where: str) -> Found:
+    """The surest circle whose lights explain the frame's shading as well as any.
+
+    Where circles explain it as well but mean other lights, the outermost.
+    """
+    I = survey.shading([f.circle for f in around])
+    both = np.all([np.isfinite(f.xy).all(1) for f in around], axis=0)
+    lights = [directions(f.circle, f.xy[both])[0] for f in around]
+    fits = np.array([unexplained(I[both], L) for L in lights])  # (rings, 2)
+    told = bool(np.isfinite(fits).all() and both.sum() >= 5)
+    limit = AS_WELL[0] * fits[:, 0].min() + AS_WELL[1] if told else np.inf
+    fitting = [k for k in range(len(around)) if not fits[k, 0] > limit]
+    surest = max(around[k].circle.confidence for k in fitting)
+    sure = [k for k in fitting if around[k].circle.confidence >= AS_SURE * surest]
+    outer = max(sure, key=lambda k: around[k].circle.r)
+    alike = [k for k in sure if angle_deg(lights[k], lights[outer]).mean() < TOLD_DEG]
+    chosen = max(alike, key=lambda k: around[k].circle.confidence)
+    notes, left, least = [], *fits[chosen]
+    told_of = TOLD_WELL[0] * fits[:, 0].min() + TOLD_WELL[1] if told else np.inf
+    off = [float(angle_deg(L, lights[chosen]).mean()) for L in lights]
+    others = [k for k in range(len(around)) if off[k] > TOLD_DEG and not fits[k, 0] > told_of]
+    if others:
+        other = max(others, key=lambda k: around[k].circle.confidence)
+        notes.append(
+            f"{where} shows another circle around the highlights, at {around[other].circle}, in which the lights would "
+            f"be {off[other]:.0f} degrees elsewhere; look at the picture, and give --circle x,y,r if it is right."
+        )
+    if told and left > ODD[0] and left > ODD[1] * least:
+        notes.append(
+            f"the lights of the sphere at {around[chosen].circle} of {where} do not explain how the rest of the frame "
+            "is shaded; look at the picture, and give --circle x,y,r where the circle is off."
+        )
+    supported = told and left < SUPPORTED and left < limit
+    unexplained_part = left if told else ODD[0]
+    return replace(around[chosen], notes=tuple(notes), supported=supported, unexplained=unexplained_part)

@@ -23,7 +23,7 @@ AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellati
 AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, that is as good as another's
 TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
 TELLS = 0.85  # and from which it tells the sphere's circle from others
-AS_DARK = (0.2, 0.002)  # how much less it may be, as part of what the best circle lacks, and absolute
+AS_DARK = (0.2, 0.004)  # how much less it may be, as part of what the best circle lacks, and absolute
 ODD = (0.3, 3.0)  # part of the shading that the lights leave unexplained, and times what any lights would
 TOLD_DEG = 5.0  # mean angle between the lights of two circles that is worth telling
 
@@ -62,9 +62,14 @@ class Found:
         return replace(self, circle=circle, xy=(self.xy + 0.5) / scale - 0.5 + (x0, y0))
 
     @property
+    def mirrors(self) -> float:
+        """How surely it is a mirror: highlights that tell where its shadows lie are as good as lone ones."""
+        return max(self.mirrored, self.shadows if self.shades else 0.0)
+
+    @property
     def good(self) -> bool:
         """Whether it mirrors inside a circle that may be an outline."""
-        return self.circle.confidence >= CONFIDENCE / 2 and self.mirrored >= MIRRORS
+        return self.circle.confidence >= CONFIDENCE / 2 and self.mirrors >= MIRRORS
 
     @property
     def shades(self) -> bool:
@@ -74,7 +79,7 @@ class Found:
     @property
     def merit(self) -> float:
         """Larger, surer, more of a mirror."""
-        return float(self.mirrored * self.circle.confidence * np.sqrt(self.circle.r))
+        return float(self.mirrors * self.circle.confidence * np.sqrt(self.circle.r))
 
 
 def apart(found: list[Found]) -> list[Found]:

@@ -19,6 +19,7 @@ FAINT = 0.15  # peak, as part of the pictures' median, below which a reflection 
 MISSING = 0.25  # part of the pictures that may lack a highlight
 ALIKE = 12  # pictures that tell how large the lights' reflections are
 NOTHING = 1e-6  # what no picture shows
+DISTINCT = 1.5  # how much farther a reflection stands out than the next, in most pictures, at a scale that tells it
 AS_BRIGHT, LARGER = 0.7, 3.0  # how far a broader reflection stands out, and its light, in terms of a finer one's
 LARGEST = 0.06  # part of the sphere's disc that a light's reflection covers at most
 
@@ -72,7 +73,7 @@ def _scale(seen: Sequence[Reflections], circle: Circle) -> int:
     distinct = np.median((heights[..., 0] + NOTHING) / (heights[..., 1] + NOTHING), axis=0)
     height = np.median(heights[..., 0], axis=0)
     flux = height * 4.0 ** np.arange(len(distinct))
-    some = np.flatnonzero(distinct >= 1 / RIVAL)
+    some = np.flatnonzero(distinct >= DISTINCT)
     if some.size == 0:
         return int(np.median(heights[..., 0] - heights[..., 1], axis=0).argmax())
     found = some[0]

@@ -29,7 +29,6 @@ ENOUGH_PX = 50  # radius of a sphere with which highlights are found surely enou
 SPREAD = 0.03  # of the highlights, in radii, below which they do not move
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 ASTRAY = (6.0, 0.35)  # how far below the middle one picture may be, in what that lacks, and at least
-NEAR = (0.0, 0.02, 0.04, 0.06, 0.09)  # a sphere's radius as a part of the lamps' distance
 ROUNDS = 3  # of looking for highlights in a circle and improving it by its shadows
 UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer than chance
 FULLY = 0.65  # confidence of such a circle at most
@@ -120,11 +119,10 @@ def _in_place(
     around = Surroundings.of(roots[: len(dark)], pixel)
     light, none = around.still**LINEAR, np.full((len(dark), 2), np.nan)
 
-    def seen(c: Circle, near: Sequence[float] = NEAR) -> Found:
+    def seen(c: Circle) -> Found:
         xy, mirrored = _mirrored(c, dark)
-        explained, part = max((around.explained(c, xy, part), part) for part in near)
-        found = Found(c, xy, mirrored, shadows=explained)
-        return replace(found, astray=_astray(around.of_each(c, xy, part))) if found.shades else found
+        found = Found(c, xy, mirrored, shadows=around.explained(c, xy))
+        return replace(found, astray=_astray(around.of_each(c, xy))) if found.shades else found
 
     def of_edges(c: Circle) -> Found:
         return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else Found(c, none, 0.0)
@@ -136,11 +134,11 @@ def _in_place(
         begin = [*found, *(seen(c) for c in seeds)]
     best = max(begin, key=lambda f: f.shadows, default=None)
     if best is not None and best.shadows > BEGIN:
-        c, near = best.circle, 0.0
+        c = best.circle
         for _ in range(ROUNDS):
-            c, near = around.fitted(c, _mirrored(c, dark)[0])
+            c = around.fitted(c, _mirrored(c, dark)[0])
         found += [of_edges(refined(p, np.array([c.x, c.y, c.r]), pixel)) for p in ([around.still], roots)]
-        cast = seen(c, (near,))
+        cast = seen(c)
         sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
         found.append(replace(cast, circle=replace(c, confidence=sure, residual_px=0.0)))
     return [f.moved(x0, y0, scale) for f in found]

@@ -28,7 +28,7 @@ STILL = 0.6  # quantile of a place's brightness that no highlight and no shadow 
 BLUR = 1.5  # pixels of the photographs beside an outline that show both sides
 WRONG = 0.1  # part of the pictures whose highlight may be another thing's
 SEEN = 0.01  # part of the places in shadow from which a picture's shadow tells something
-NEAR_COSTS = 0.3  # correlation that near lamps have to add, for each unit of `near`: it looks like a smaller radius
+NEAREST = 0.12  # a sphere's radius as a part of the lamps' distance, at most
 FEW = 4  # pictures below which a place's middle brightness may be in shadow
 
 
@@ -40,14 +40,14 @@ class Surroundings:
     ----------
     still : square roots of levels, without highlights and with few shadows
     missing : part of the light in `still` that each picture lacks once it is divided by its brightness
-    bright : brightness of each picture
+    bright : terms of 1, x and y of the logarithm of each picture's brightness: near lamps light their own side more
     lit : where it was told
     blur : pixels beside an outline that show both sides
     """
 
     still: Float[np.ndarray, "a b"]
     missing: Float[np.ndarray, "n a b"]
-    bright: Float[np.ndarray, " n"]
+    bright: Float[np.ndarray, "n 3"]
     lit: Bool[np.ndarray, "a b"]
     blur: float
 
@@ -57,12 +57,17 @@ class Surroundings:
         stack = np.stack(roots).clip(0)
         middle = np.median(stack, axis=0)
         lit = middle > LIT * np.median(middle)
-        bright = np.array([np.median(picture[lit] / middle[lit]) for picture in stack]).clip(LIT / 10)
-        even = stack / bright[:, None, None]
+        y, x = np.nonzero(lit)
+        some = slice(None, None, max(1, x.size // PLACES))
+        A = np.stack([np.ones_like(x), x, y], axis=-1)[some].astype(float)  # (p, 3)
+        bright = np.stack([_plane(A, np.log((picture[lit] / middle[lit])[some].clip(LIT / 10))) for picture in stack])
+        y, x = np.mgrid[: middle.shape[0], : middle.shape[1]].astype(np.float32)
+        light = (np.exp(b[0] + b[1] * x + b[2] * y) for b in bright.astype(np.float32))
+        even = np.stack([picture / b for picture, b in zip(stack, light, strict=True)])
         still = np.quantile(even, STILL, axis=0)
         return cls(still, (1 - (even / still.clip(1e-3)) ** EDGE_POWER).clip(0, 1), bright, lit, BLUR * pixel)
 
-    def explained(self, circle: Circle, xy: Float[np.ndarray, "n 2"], near: float = 0.0) -> float:
+    def explained(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> float:
         """Correlation, over places and pictures, of what is dark with the shadows of the sphere of that circle.
 
         A few pictures may show another thing's highlight: those that fit worst don't count.
@@ -70,45 +75,44 @@ class Surroundings:
         Parameters
         ----------
         xy : where the sphere mirrors the lamps, NaN where it does not
-        near : the sphere's radius as a part of the lamps' distance from it
         """
-        dark, S = self._compared(circle, xy, near)
-        left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
-        return float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel())))
+        return self._compared(circle, xy)[0]
 
-    def of_each(self, circle: Circle, xy: Float[np.ndarray, "n 2"], near: float = 0.0) -> Float[np.ndarray, " n"]:
+    def of_each(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow."""
         found = np.full(len(xy), np.nan)
-        dark, S = self._compared(circle, xy, near)
+        _, dark, S = self._compared(circle, xy)
         if len(S):
             found[np.isfinite(xy).all(1)] = np.where(S.mean(1) > SEEN, _correlation(dark, S), np.nan)
         return found
 
-    def fitted(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> tuple[Circle, float]:
-        """The circle close to another one that explains the shadows best, and how near the lamps are in it."""
+    def fitted(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Circle:
+        """The circle close to another one that explains the shadows best."""
 
-        def of(p: np.ndarray) -> tuple[Circle, float]:
-            moved = replace(
-                circle, x=circle.x + p[0] * circle.r, y=circle.y + p[1] * circle.r, r=circle.r * np.exp(p[2])
-            )
-            return moved, abs(p[3])
+        def of(p: np.ndarray) -> Circle:
+            x, y, r = circle.x + p[0] * circle.r, circle.y + p[1] * circle.r, circle.r * np.exp(p[2])
+            return replace(circle, x=x, y=y, r=r)
 
-        def unlike(p: np.ndarray) -> float:
-            moved, near = of(p)
-            return NEAR_COSTS * near - self.explained(moved, xy, near)
-
-        simplex = np.vstack([np.zeros(4), np.diag([0.1, 0.1, 0.15, 0.05])])
+        simplex = np.vstack([np.zeros(3), np.diag([0.1, 0.1, 0.15])])
         how = {"initial_simplex": simplex, "maxfev": 120, "xatol": 0.003, "fatol": 1e-4}
-        return of(minimize(unlike, np.zeros(4), method="Nelder-Mead", options=how).x)
+        return of(minimize(lambda p: -self.explained(of(p), xy), np.zeros(3), method="Nelder-Mead", options=how).x)
 
-    def _compared(self, circle: Circle, xy: Float[np.ndarray, "n 2"], near: float) -> tuple[np.ndarray, np.ndarray]:
-        """What is dark, and the sphere's shadows, around it (m, p), in the m pictures with a highlight."""
+    def _compared(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> tuple[float, np.ndarray, np.ndarray]:
+        """Correlation of what is dark with the sphere's shadows, and both, around it (m, p), in the m pictures with a
+        highlight: levels are taken for linear or encoded, whichever explains more."""
         shown = np.isfinite(xy).all(1)
         x, y, dark = self._around(circle)
         if shown.sum() < FEW or x.size < PLACES / 40:
-            return np.zeros((0, 0)), np.zeros((0, 0))
-        L = directions(circle, xy[shown])[0]
-        return dark[shown], shadows(circle, L, self._table(L, self.bright[shown]), x, y, near).astype(float)
+            return 0.0, np.zeros((0, 0)), np.zeros((0, 0))
+        L, dark, bright = directions(circle, xy[shown])[0], dark[shown], self.bright[shown]
+        found = []
+        for gamma in GAMMAS:
+            T = _table(L, np.exp(gamma * bright @ (1.0, circle.x, circle.y)))
+            S = shadows(circle, L, T, x, y, _near(circle, L, T, gamma * bright[:, 1:])).astype(float)
+            left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
+            found.append((float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel()))), S))
+        most, S = max(found, key=lambda f: f[0])
+        return most, dark, S
 
     def _around(self, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lit places (p,) around a circle: x, y, and what is missing (n, p)."""
@@ -122,17 +126,41 @@ class Surroundings:
         x, y = x[there], y[there]
         return x, y, self.missing[:, y, x]
 
-    def _table(self, L: Float[np.ndarray, "m 3"], bright: Float[np.ndarray, " m"]) -> Float[np.ndarray, " 3"]:
-        """The normal of what most of the place shows, from its shading; the view's where that tells none."""
-        fits = []
-        for gamma in GAMMAS:
-            e = bright**gamma
-            b = np.linalg.lstsq(L, e, rcond=None)[0]
-            left = np.abs(L @ b - e).argsort()[: len(e) - int(WRONG * len(e))]
-            b = np.linalg.lstsq(L[left], e[left], rcond=None)[0]
-            fits.append((np.linalg.norm((L @ b - e)[left]) / np.linalg.norm(e), b))
-        T = normalised(min(fits, key=lambda f: f[0])[1])
-        return T if T[2] > FACING else np.array([0.0, 0.0, 1.0])
+
+def _table(L: Float[np.ndarray, "m 3"], e: Float[np.ndarray, " m"]) -> Float[np.ndarray, " 3"]:
+    """The normal of what most of a place shows, from its light `e` in each picture; the view's where it tells none."""
+    b = np.linalg.lstsq(L, e, rcond=None)[0]
+    left = np.abs(L @ b - e).argsort()[: len(e) - int(WRONG * len(e))]
+    T = normalised(np.linalg.lstsq(L[left], e[left], rcond=None)[0])
+    return T if T[2] > FACING else np.array([0.0, 0.0, 1.0])
+
+
+def _near(
+    circle: Circle, L: Float[np.ndarray, "m 3"], T: Float[np.ndarray, " 3"], slopes: Float[np.ndarray, "m 2"]
+) -> float:
+    """A sphere's radius as a part of the lamps' distance from it, from how they light a plane.
+
+    The light of a lamp at distance d on a plane is T.(p - x) / |p - x|^3, so that its logarithm grows by 3 (l.v) / d
+    along v in the plane. What all pictures share, as by vignetting, tells nothing.
+
+    Parameters
+    ----------
+    slopes : of the logarithm of the light, in pixels, x to the right and y down
+    """
+    along = L[:, :2] - L[:, 2:] * T[:2] / T[2]
+    along, grown = (a - a.mean(0) for a in (along, slopes * (1, -1)))
+    return float(np.clip(circle.r * (along * grown).sum() / max(3 * (along**2).sum(), 1e-9), 0, NEAREST))
+
+
+def _plane(A: Float[np.ndarray, "p 3"], values: Float[np.ndarray, " p"]) -> Float[np.ndarray, " 3"]:
+    """The plane of most values: least squares with Geman and McClure's weights, begun at their median."""
+    found = np.array([np.median(values), 0.0, 0.0])
+    for _ in range(8):
+        off = values - A @ found
+        s = max(2 * float(np.median(np.abs(off))), 1e-3)
+        w = 1 / (1 + (off / s) ** 2)
+        found = np.linalg.lstsq(A * w[:, None], values * w, rcond=None)[0]
+    return found
 
 
 def _correlation(a: Float[np.ndarray, "*m p"], b: Float[np.ndarray, "*m p"]) -> Float[np.ndarray, "*m"]:

@@ -250,6 +250,18 @@ def one_moved(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     return I
 
 
+def half_moved(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
+    """The second half of the pictures by 3 pixels, as after a camera was touched."""
+    I[len(I) // 2 :] = np.roll(I[len(I) // 2 :], (2, 3), axis=(1, 2))
+    return I
+
+
+def half_turned(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
+    """A third of the pictures by half a turn."""
+    I[::3] = np.rot90(I[::3], 2, axes=(1, 2))
+    return I
+
+
 def one_brighter(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     """One picture, 1.6 times."""
     return I * np.where(np.arange(len(I)) == g.integers(len(I)), 1.6, 1)[:, None, None, None]
@@ -275,12 +287,26 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
     "halfway": (with_lights(lambda L, g: normalised(L + np.array([0, 0, 1]))), {"halfway"}),
     "one light x 1.6": (with_pictures(one_brighter), {"intensities"}),
     "one moved": (with_pictures(one_moved), {"motion"}),
+    "half moved": (with_pictures(half_moved), {"motion"}),
+    "a third turned": (with_pictures(half_turned), {"turned"}),
     "ambient 0.3": (with_pictures(lambda I, g: I + 0.3 * I.mean(0)), {"ambient", "encoding"}),
     "ambient 1.0": (with_pictures(lambda I, g: I + I.mean(0)), {"ambient", "encoding"}),
     "sRGB": (with_pictures(encoded), {"encoding", "ambient"}),
     "lamps at 2 widths": (None, {"near"}),
 }
-JUDGED = {"order", "frame", "intensities", "ambient", "encoding", "near", "halfway", "contrast", "motion", "positions"}
+JUDGED = {
+    "order",
+    "frame",
+    "intensities",
+    "ambient",
+    "encoding",
+    "near",
+    "halfway",
+    "contrast",
+    "motion",
+    "turned",
+    "positions",
+}
 
 
 TOLD_BY_A_MATT_FIT = {"halfway", "ambient", "encoding"}

@@ -100,6 +100,15 @@ def test_a_profile_without_curves_is_not_applied_and_told(tmp_path):
     assert "not applied" in capture.encoding and any("no tone curves" in note for note in capture.notes)
 
 
+def test_jpeg_files_that_say_nothing_are_told(tmp_path):
+    capture = pn.load(folder(tmp_path, suffix=".jpg"))
+    assert any("4 photographs are JPEG files" in note and "--srgb" in note for note in capture.notes)
+    assert not capture.linearised
+    for how in ({"srgb": True}, {"linear": True}):
+        assert not pn.load(tmp_path, **how).notes
+    assert not pn.load(folder(tmp_path / "said", suffix=".jpg", exif=exif(SRGB))).notes
+
+
 def test_the_user_s_word_counts_before_the_files(tmp_path):
     folder(tmp_path, suffix=".tif", profile=GAMMA)
     np.testing.assert_allclose(pn.load(tmp_path, srgb=True).images[0], to_linear(levels()), atol=1e-6)

@@ -54,6 +54,20 @@ def test_ambient_light_is_told_at_any_strength(right, level):
     assert found.kind == "ambient" and found.numbers["ambient_level"] == pytest.approx(level / 0.7, rel=0.15)
 
 
+@pytest.mark.parametrize(("exponent", "says"), [(2.2, "look sRGB-encoded"), (1.8, "gamma of 1.8")])
+def test_an_encoding_is_told_from_light_that_stays_on(right, exponent, says):
+    s = samples.read(right)
+    (found,) = explanation(Distant(s.I ** (1 / exponent), LIGHTS), s.mask, 16, linearised=False)
+    assert found.kind == "encoding" and says in found.message
+    (found,) = explanation(Distant(s.I + 0.5 * s.I.mean(1, keepdims=True), LIGHTS), s.mask, 16, linearised=False)
+    assert found.kind == "ambient"
+
+
+def test_pictures_that_hardly_differ_are_told(right):
+    (found,) = told(changed(right, 0.05 * np.asarray(right.images) + 0.6 * right.mask[..., None]))
+    assert found.kind == "ambient" and "the pictures hardly differ" in found.message
+
+
 def test_on_one_ring_pictures_that_hardly_differ_are_told():
     """Under lamps of one height light that stays on is no other than a surface that faces the camera."""
     lights = ring(8, 45.0)[:8]

@@ -13,7 +13,7 @@ import numpy as np
 from photonormal.capture import UNKNOWN
 from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.cropped import cropped
-from photonormal.capture.encoding import encodings, not_applied, told
+from photonormal.capture.encoding import doubtful, encodings, told
 from photonormal.capture.exif import exposures
 from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, size_of
 from photonormal.capture.lens import Lens, read_lens
@@ -125,7 +125,7 @@ def assemble(
     margin = MARGIN if crop is None else MARGIN + ceil(1 / crop.scale)
     mask = mask if choice.mask is None else choice.mask
     said = encodings([parts(p)[0] for p in used], choice.srgb, choice.linear)
-    notes = [*lit.notes, *not_applied(said)]
+    notes = [*lit.notes, *doubtful(said)]
     if isinstance(mask, Path):
         mask, turned = read_drawn(mask, used, choice.mask_on)
         notes += turned

@@ -67,6 +67,7 @@ def _table(curve: Curve, levels: int) -> np.ndarray:
 
 
 LINEAR = Encoding(declared=False)
+JPEG = Encoding(declared=False)
 UNREAD = Encoding(by="their profile has no tone curves and was not applied", declared=False)
 
 
@@ -86,7 +87,7 @@ def encoding_of(path: Path) -> Encoding:
         return Encoding((gamma(ADOBE),), "Exif, which says Adobe RGB")
     if said.profile is not None:
         return UNREAD
-    return LINEAR
+    return JPEG if said.jpeg else LINEAR
 
 
 def encodings(paths: Sequence[Path], srgb: bool = False, linear: bool = False) -> list[Encoding]:
@@ -114,15 +115,21 @@ def encodings(paths: Sequence[Path], srgb: bool = False, linear: bool = False) -
     return found
 
 
-def not_applied(found: Sequence[Encoding]) -> list[str]:
-    """What the user should know: profiles that can't be applied."""
-    unread = sum(e is UNREAD for e in found)
-    if not unread:
-        return []
-    return [
-        f"the colour profile of {unread} photographs has no tone curves that can be read, and was not applied; export "
-        "them with sRGB's profile or a linear one, or add --srgb or --linear."
-    ]
+def doubtful(found: Sequence[Encoding]) -> list[str]:
+    """What the user should know: profiles that can't be applied, and JPEG files that say nothing."""
+    unread, silent = sum(e is UNREAD for e in found), sum(e is JPEG for e in found)
+    notes = []
+    if unread:
+        notes.append(
+            f"the colour profile of {unread} photographs has no tone curves that can be read, and was not applied; "
+            "export them with sRGB's profile or a linear one, or add --srgb or --linear."
+        )
+    if silent:
+        notes.append(
+            f"{silent} photographs are JPEG files that don't say how they are encoded, and were taken for linear, as "
+            "JPEG files seldom are; add --srgb, or --linear if they are."
+        )
+    return notes
 
 
 def told(found: Sequence[Encoding]) -> str:

@@ -14,12 +14,12 @@ def check(capture: Capture) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 
     What was assumed on reading, saturation, darkness, bits and encoding, coverage by the lights, lamps' positions,
-    lights in another order or frame, intensities, ambient light and motion. Tests that need light directions are left
-    out where they are unknown. Where lamps are near, pictures are first made what distant ones would give, for a plane
-    at the object's mean depth.
+    lights in another order or frame, intensities, ambient light, and pictures that are turned or shifted. Tests that
+    need light directions are left out where they are unknown, or where pictures are turned. Where lamps are near,
+    pictures are first made what distant ones would give, for a plane at the object's mean depth.
     """
     from photonormal.arrays import as_capture
-    from photonormal.doctor import coverage, explanations, exposure, lights, motion, positions, samples
+    from photonormal.doctor import coverage, explanations, exposure, lights, motion, positions, samples, turned
     from photonormal.doctor.given import Distant, Near
     from photonormal.srgb import from_linear, to_linear
 
@@ -27,6 +27,8 @@ def check(capture: Capture) -> list[Finding]:
     s, names = samples.read(capture), list(capture.image_names)
     found = [Finding("reading", False, note) for note in capture.notes]
     found += [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
+    if lie_otherwise := turned.turned(s.small, names):
+        return sorted([*found, *lie_otherwise], key=lambda f: not f.grave)
     if capture.lights is not None and (s.I > 0).any():
         found += coverage.coverage(capture.lights)
         I, mask = samples.on_object(s)

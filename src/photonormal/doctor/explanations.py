@@ -26,11 +26,13 @@ OFFSET, ENCODED = 0.7, 0.7  # misfit with light that stays on, and of linearised
 AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
 ON, OF_PIXELS = 0.1, 0.6  # that light, as part of full brightness, and the pixels that show most of it
 MOST = 0.06  # of it
+PROPHOTO, CLEARER = 1.8, 0.6  # exponent, and misfit with it, as part of that with sRGB's curve
 STEEPER = 2.2  # relative errors grow so much where samples are linearised
 BEHIND = -0.1  # z of a light below which it can't have lit the object
 FAINT = 0.05  # of the brightest pixels' level, below which a pixel tells nothing
 SAME = 0.05  # deviation of a pixel's samples, as part of their mean, that nine tenths of the pixels stay below
 RING, NEVER_DARK = 0.003, 0.25  # of the largest singular value; and of a pixel's mean
+DROWNED = 3.0  # light that stays on, as part of full brightness, in which the lamps' is lost
 GRAVE = 0.12  # light that stays on, above which it spoils the normals
 
 
@@ -80,23 +82,34 @@ def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | N
     offset = pixels.gain(before, after)
     ambient = _common(on) and offset.below(OFFSET)
     if bits is not None and _common(lifted):
-        linear = pixels.gain(before, pixels.showing(to_linear(pixels.I)).fit(L)[1])
+        curved, pro = (pixels.gain(before, pixels.showing(f(pixels.I)).fit(L)[1]) for f in (to_linear, _of_prophoto))
+        linear = pro if pro.left < CLEARER * curved.left else curved
         if linear.below(ENCODED) and not (ambient and linear.left > STEEPER * offset.left):
-            message = (
-                "the pictures look sRGB-encoded: linearised they fit a matt surface "
-                f"{1 / max(linear.left, 0.01):.1f} times better; add --srgb, or export linear pictures."
-            )
+            better = f"linearised they fit a matt surface {1 / max(linear.left, 0.01):.1f} times better"
+            message = f"the pictures look sRGB-encoded: {better}; add --srgb, or export linear pictures."
+            if linear is pro:
+                message = (
+                    f"the pictures look encoded with a gamma of {PROPHOTO}, as in ProPhoto RGB: {better}; export them "
+                    "with their colour profile, which is applied, or linear ones."
+                )
             numbers = {"misfit_linearised": round(linear.left, 4)}
             return linear.left / STEEPER, Finding("encoding", True, message, numbers)
     if not ambient:
         return None
     level = float(np.median(on))
+    there = f"{100 * level:.0f} % of full brightness is there whichever lamp is lit"
+    if level > DROWNED:
+        there = f"the pictures hardly differ, since it is {level:.0f} times as bright as the lamps"
     message = (
-        f"ambient light: {100 * level:.0f} % of full brightness is there whichever lamp is lit; darken the room, or "
-        "give a picture taken with all lamps off as --dark. If the pictures are sRGB-encoded, add --srgb first."
+        f"ambient light: {there}; darken the room, or give a picture taken with all lamps off as --dark. If the "
+        "pictures are sRGB-encoded, add --srgb first."
     )
     numbers = {"ambient_level": round(level, 4), "misfit_left": round(offset.left, 4)}
     return offset.left, Finding("ambient", level > GRAVE, message, numbers)
+
+
+def _of_prophoto(I: np.ndarray) -> np.ndarray:
+    return I.clip(0) ** PROPHOTO
 
 
 def _common(on: Float[np.ndarray, " p"]) -> bool:

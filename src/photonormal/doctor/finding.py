@@ -15,7 +15,7 @@ class Finding:
     Parameters
     ----------
     kind : reading, saturation, darkness, bits, encoding, coverage, positions, order, frame, intensities, motion,
-        ambient, near, halfway, contrast, mask, or lights (found from the photographs)
+        turned, ambient, near, halfway, contrast, mask, or lights (found from the photographs)
     grave : it spoils the normals; otherwise it limits how good they can get
     message : what was found and what to do, one line
     numbers : the figures behind it

@@ -81,12 +81,12 @@ class Pictures:
 
         Rows of the shifts count downwards, columns to the right; the middle one is none.
         """
-        size = self.core.shape[1:]
-        left = np.ones((len(self.detail), 2 * self.reach + 1, 2 * self.reach + 1))
-        for j in range(len(left)):
-            shown = sum(self._like(j, u.reshape(size)) for u in self.principal(among, j))
-            left[j] = 1 - shown / self._whole(j)
-        return left.clip(1e-6, 1)
+        return np.stack([self.left(j, self.principal(among, j)) for j in range(len(self.detail))])
+
+    def left(self, j: int, U: Float[np.ndarray, "k q"]) -> Float[np.ndarray, "2r+1 2r+1"]:
+        """Part of picture j's detail, at every shift, that U does not show."""
+        shown = sum(self._like(j, u.reshape(self.core.shape[1:])) for u in U)
+        return (1 - shown / self._whole(j)).clip(1e-6, 1)
 
     def _like(self, j: int, u: Float[np.ndarray, "c d"]) -> Float[np.ndarray, "k k"]:
         """How much of picture j, at every shift, is like u."""
@@ -153,10 +153,10 @@ class Pictures:
         """Whether picture j fits better in all its parts, as a rule, where the shift at row y and column x is taken."""
         U = self.principal(among, j)
         change = np.log(self.rest(j, U, y, x) / self.rest(j, U, self.reach, self.reach))
-        return _clearly_less(change)
+        return clearly_less(change)
 
 
-def _clearly_less(change: Float[np.ndarray, " parts"]) -> bool:
+def clearly_less(change: Float[np.ndarray, " parts"]) -> bool:
     """Whether logarithms of a change, one for each part, are below zero as a rule."""
     return bool(-change.mean() > AGREED * (change.std() / SIDE + 1e-3))
 
@@ -186,7 +186,7 @@ def _group(shown: Pictures) -> tuple[Bool[np.ndarray, " n"], int, int] | None:
         if before is None:
             before = shown.apart()
         change = np.log(shown.shifted_back(there, y, x).apart() / before)
-        if change.mean() < min(np.log(TOGETHER), best[0] if best else 0) and _clearly_less(change):
+        if change.mean() < min(np.log(TOGETHER), best[0] if best else 0) and clearly_less(change):
             here = _near(at, usual, place)
             most = 2 * there.sum() > len(at) and here.sum() >= GROUP
             best = change.mean(), (here, -y, -x) if most else (there, y, x)
@@ -227,9 +227,14 @@ def _suspect(left: Float[np.ndarray, "n k k"]) -> Bool[np.ndarray, " n"]:
     return (inside < UNEXPLAINED * left[:, r, r]) & (inside <= left.min((1, 2)))
 
 
+def tell(pictures: Float[np.ndarray, "n a b"]) -> bool:
+    """Whether there are pictures enough, and large enough, to tell how they lie."""
+    return min(pictures.shape[1:]) >= SIZE and len(pictures) >= LEAST and bool(pictures.any())
+
+
 def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str]) -> list[Finding]:
     """Pictures that moved; `scale` is that of `pictures` against the photographs."""
-    if min(pictures.shape[1:]) < SIZE or len(pictures) < LEAST or not pictures.any():
+    if not tell(pictures):
         return []
     shift = shifts(pictures) / scale
     moved = np.flatnonzero(np.abs(shift).max(1) > 0)

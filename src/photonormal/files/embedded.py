@@ -26,11 +26,20 @@ MOST = 500  # entries of a directory, and segments of a JPEG file before its sam
 
 @dataclass(frozen=True)
 class Embedded:
-    """`tags` of the first directory and of Exif's own, numbers or bytes; an ICC profile; whether PNG says sRGB."""
+    """What is embedded in a file.
+
+    Parameters
+    ----------
+    tags : of the first directory and of Exif's own, numbers or bytes
+    profile : ICC
+    srgb : PNG says that samples are sRGB-encoded
+    jpeg : the file is a JPEG
+    """
 
     tags: dict[int, float | bytes] = field(default_factory=dict)
     profile: bytes | None = None
     srgb: bool = False
+    jpeg: bool = False
 
     def number(self, tag: int) -> float | None:
         """The number of that tag, None where there is none."""
@@ -73,7 +82,7 @@ def _of_jpeg(file: BinaryIO) -> Embedded:
             tags = _sound_tags(segment[6:])
         if head[1] == 0xE2 and segment.startswith(b"ICC_PROFILE\0"):
             parts[segment[12]] = segment[14:]
-    return Embedded(tags, b"".join(parts[k] for k in sorted(parts)) or None)
+    return Embedded(tags, b"".join(parts[k] for k in sorted(parts)) or None, jpeg=True)
 
 
 def _of_png(file: BinaryIO) -> Embedded:

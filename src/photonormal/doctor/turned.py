@@ -1,0 +1,87 @@
+"""Pictures that are turned against the others, as by a program that saved some as viewers show them.
+
+A camera that looks down notes at random how it is held. Pictures are laid on one of them as in `motion`, each at
+whichever turn fits best. Those at another turn than most are told if the others explain them far better once they are
+turned back.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.motion import RANK, Pictures, clearly_less, tell
+
+EXPLAINED = 0.7  # detail of the turned pictures that the others leave unexplained once they are turned back, of before
+BESIDE, REPEATED = 3, 0.5  # pixels of a shift that is none, and what is explained elsewhere, as part of that in place
+
+
+def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
+    """Quarter turns, counter-clockwise, of each picture against most of the others; 0 where they are not certain.
+
+    Of pictures that are not square half a turn alone can be.
+    """
+    detail, n = shown.detail, len(shown.detail)
+    tried = range(4) if detail.shape[1] == detail.shape[2] else (0, 2)
+    A = np.stack([np.rot90(shown.core, -k, (1, 2)).reshape(n, -1) for k in tried])  # (k, n, q), as if turned by k
+    at = np.array(tried)[_laid(A)]
+    count = np.bincount(at, minlength=4)
+    usual = max(np.flatnonzero(count == count.max()).tolist(), key=lambda k: (at == k)[: n // 2].sum())
+    found = (at - usual) % 4
+    group = found > 0
+    if not group.any() or 2 * group.sum() > n:
+        return np.zeros(n, int)
+    upright = Pictures(np.stack([np.rot90(d, -k) for d, k in zip(detail, found, strict=True)]), shown.reach)
+    r, before, after, repeats = shown.reach, 0.0, 0.0, 0
+    for j in np.flatnonzero(group).tolist():
+        U = shown.principal(~group, j)
+        before, after = before + shown.rest(j, U, r, r), after + upright.rest(j, U, r, r)
+        repeats += _repeats(upright.left(j, U))
+    change = np.log(after / before)
+    certain = change.mean() < np.log(EXPLAINED) and clearly_less(change) and 2 * repeats < group.sum()
+    return found if certain else np.zeros(n, int)
+
+
+def _repeats(left: Float[np.ndarray, "k k"]) -> bool:
+    """Whether a picture fits after a shift, too, as what looks alike from all sides does."""
+    r = len(left) // 2
+    elsewhere = left.copy()
+    elsewhere[r - BESIDE : r + BESIDE + 1, r - BESIDE : r + BESIDE + 1] = 1
+    return bool(1 - elsewhere.min() > REPEATED * (1 - left[r, r]))
+
+
+def _laid(A: Float[np.ndarray, "k n q"]) -> Int[np.ndarray, " n"]:
+    """Which of the k versions of each picture fits those that were laid before; the one that fits best is laid next."""
+    size = (A[0] ** 2).sum(1).clip(1e-9)
+    alike = np.max([(A[0] @ turned.T) ** 2 for turned in A], axis=0) / np.outer(size, size)
+    rest, at, laid = list(range(len(size))), np.zeros(len(size), int), []
+    shown, j = np.zeros(A.shape[:2]), int(alike.sum(1).argmax())
+    while True:
+        rest.remove(j)
+        if not rest:
+            return at
+        u = A[at[j], j].astype(np.float64)
+        for v in laid:
+            u = u - (u @ v) * v
+        if len(laid) < RANK and np.linalg.norm(u) > 1e-6:
+            laid.append(u / np.linalg.norm(u))
+            shown += (A @ laid[-1].astype(np.float32)) ** 2 / size
+        j = rest[int(shown[:, rest].max(0).argmax())]
+        at[j] = int(shown[:, j].argmax())
+
+
+def turned(pictures: Float[np.ndarray, "n a b"], names: list[str]) -> list[Finding]:
+    """Pictures that are turned by quarters of a turn."""
+    if not tell(pictures):
+        return []
+    found = turns(Pictures.of(pictures))
+    group = np.flatnonzero(found).tolist()
+    if not group:
+        return []
+    degrees = " and ".join(str(90 * k) for k in np.unique(found[group]))
+    message = (
+        f"{len(group)} pictures are turned by {degrees} degrees against the others ({listed([names[j] for j in group])}"
+        "); export all as the camera's sensor saw them, without what Exif says of how it was held."
+    )
+    return [Finding("turned", True, message, {"turns_deg": {names[j]: int(90 * found[j]) for j in group}})]

@@ -1,0 +1,50 @@
+"""Pictures that a program turned before it saved them are told, and none of what looks alike from both sides."""
+
+import numpy as np
+import pytest
+
+from photonormal.doctor import check
+from photonormal.doctor.motion import Pictures
+from photonormal.doctor.turned import turned, turns
+from photonormal.types import Capture
+from tests.doctor.test_motion import LIGHTS, shiny
+
+NAMES = [f"{j}.png" for j in range(len(LIGHTS))]
+
+
+@pytest.fixture(scope="module")
+def rough() -> np.ndarray:
+    import cv2
+
+    return shiny(8 * cv2.GaussianBlur(np.random.default_rng(1).standard_normal((90, 90)), (0, 0), 2.5))
+
+
+@pytest.mark.parametrize(("group", "quarters"), [(slice(3, 4), 1), (slice(10, None), 3), (slice(None, None, 3), 2)])
+def test_turned_pictures_are_found_with_their_turns(rough, group, quarters):
+    images = rough.copy()
+    images[group] = np.rot90(images[group], quarters, axes=(1, 2))
+    expected = np.zeros(len(images), int)
+    expected[group] = quarters
+    assert (turns(Pictures.of(images)) == expected).all()
+    (found,) = turned(images, NAMES)
+    assert found.grave and f"turned by {90 * quarters} degrees" in found.message
+
+
+def test_pictures_that_lie_alike_are_not_turned(rough):
+    y, x = np.mgrid[:90, :90].astype(float)
+    for images in (rough, shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))):
+        assert turned(images, NAMES) == []
+
+
+def test_a_weave_says_nothing_of_half_a_turn():
+    y, x = np.mgrid[:90, :110].astype(float)
+    images = shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))
+    images[::3] = np.rot90(images[::3], 2, axes=(1, 2))
+    assert turned(images, NAMES) == []
+
+
+def test_nothing_is_said_of_lights_where_pictures_are_turned(rough):
+    images = rough.clip(0).astype(np.float32)[..., None]
+    images[10:] = np.rot90(images[10:], 1, axes=(1, 2))
+    found = check(Capture(images / images.max(), np.ones(images.shape[1:3], bool), LIGHTS))
+    assert [f.kind for f in found if f.grave] == ["turned"]

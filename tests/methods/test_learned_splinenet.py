@@ -15,6 +15,7 @@ from photonormal.methods.learned.splinenet import (
     some,
 )
 from photonormal.shading import normalised
+from photonormal.types import InputError
 from tests.methods.test_learned_network import observations
 
 SMALL = SPLINENetConfig(side=16, width=4, blocks=1, grown=4, hidden=8)
@@ -33,6 +34,11 @@ def seen(b=2, n=9, h=3, w=5):
 
 def test_parameters_of_the_paper_network():
     assert parameters(Interpolation(64, 6)) == 8_398_593
+
+
+def test_maps_that_cannot_be_halved_twice_are_refused():
+    with pytest.raises(InputError, match=r"side 14 came .* multiple of 4"):
+        SPLINENetConfig(side=14)
 
 
 def test_a_map_is_read_beside_its_gaps_filled_where_lights_can_be(net):

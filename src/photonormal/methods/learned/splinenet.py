@@ -22,6 +22,7 @@ from photonormal.methods.inputs.maps import disc, mirrored, seen_from_above
 from photonormal.methods.learned.layers import kaiming
 from photonormal.methods.learned.maps import MapNetwork, OfMaps
 from photonormal.methods.learned.pooling import Pooled
+from photonormal.types import InputError
 
 FEWEST = 4  # samples that it is shown while it learns
 POOLED = 4  # cells that the asymmetric loss takes the brightest of, across and up
@@ -48,6 +49,10 @@ class SPLINENetConfig:
     grown: int = 16
     hidden: int = 128
     prior: str = ""
+
+    def __post_init__(self) -> None:
+        if self.side % 4:
+            raise InputError(f"side {self.side} came but spline-net halves its maps twice; give a multiple of 4.")
 
 
 class SPLINENet(MapNetwork):

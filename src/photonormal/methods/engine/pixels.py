@@ -113,7 +113,7 @@ def one_pass(
     number = torch.full(mask.shape, len(start) - 1, device=device)
     number[mask] = torch.arange(len(start) - 1, device=device)
     for quarters in range(rotations):
-        pixels = torch.cat(turns.pop(0))[torch.rot90(number, quarters)[None]]  # (1, h, w, c)
         with inner_precision(device):
-            told = net.look(pixels, n, net.begin(turned_map(found * mask, quarters), None))
+            shared = net.begin(turned_map(found * mask, quarters), None)
+            told = net.look(torch.cat(turns.pop(0))[torch.rot90(number, quarters)[None]], n, shared)
         yield turned_map(told.float(), -quarters)

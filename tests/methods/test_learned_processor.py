@@ -10,6 +10,7 @@ import torch
 
 import photonormal as pn
 from photonormal.cli import main
+from photonormal.geometry import angle_deg
 from photonormal.methods.learned import processor
 from photonormal.methods.learned.processor import computing_in, inner_precision, number_format
 from photonormal.types import InputError
@@ -64,3 +65,11 @@ def test_an_unknown_one_is_refused():
 def test_the_report_of_a_classical_method_says_none(tmp_path):
     assert main(["measure", "demo", "--method", "woodham", "--no-mesh", "--out", str(tmp_path / "out")]) == 0
     assert json.loads((tmp_path / "out" / "report.json").read_text())["precision"] is None
+
+
+def test_normals_hardly_move_in_bf16():
+    capture, found = pn.load("demo", images="1-12"), {}
+    for name in ("float32", "bf16"):
+        with computing_in(name):
+            found[name] = pn.solve(capture, "normalnet").map[capture.mask]
+    assert 0 < angle_deg(*found.values()).mean() < 0.03

@@ -28,13 +28,13 @@ def allow(monkeypatch):
 def test_a_window_fits_into_its_share(allow, rotations):
     net = configure("normalnet").network()
     sides = []
-    for nbytes in (5e9, 8e9, 20e9, 100e9):
+    for nbytes in (5e9, 8e9, 20e9, 200e9):
         allow(nbytes)
         side = plan.side(net, 2, rotations, CPU, LARGE, 8)
-        assert side % net.stride == 0 and 64 <= side <= 512
+        assert side % net.stride == 0 and 64 <= side <= plan.SIDE["cpu"]
         assert (rotations * plan.SEEN + 8 * plan.SAMPLE) * (side + 4 * net.reach) ** 2 <= plan.WINDOW * nbytes
         sides.append(side)
-    assert sides == sorted(sides) and sides[-1] == 512
+    assert sides == sorted(sides) and sides[-1] == plan.SIDE["cpu"]
 
 
 def test_what_is_too_small_is_told(allow):
@@ -42,7 +42,7 @@ def test_what_is_too_small_is_told(allow):
     allow(1e8)
     with pytest.raises(InputError, match=r"a window of 64 pixels .* needs .* such as --memory"):
         plan.side(net, 2, 1, CPU, LARGE, 8)
-    assert plan.side(net, 2, 1, CPU, (100, 100), 8) == 512  # what is small is seen as a whole
+    assert plan.side(net, 2, 1, CPU, (100, 100), 8) == plan.SIDE["cpu"]  # what is small is seen as a whole
     allow(1e4)
     with pytest.raises(InputError, match=r"a row of 160 pixels .* needs .* such as --memory"):
         plan.pixels(capture)

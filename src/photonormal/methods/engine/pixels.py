@@ -1,7 +1,7 @@
 """Networks that see each pixel by itself before they look around: all samples of some pixels at a time.
 
 What is pooled over the images so stays in a processor's cache. Pixels outside the mask all show the same: one of them
-stands for all.
+stands for all. What looks around computes in float32 on any machine: in bf16 normals would move by 0.03 degrees more.
 """
 
 from __future__ import annotations
@@ -113,7 +113,6 @@ def one_pass(
     number = torch.full(mask.shape, len(start) - 1, device=device)
     number[mask] = torch.arange(len(start) - 1, device=device)
     for quarters in range(rotations):
-        with inner_precision(device):
-            shared = net.begin(turned_map(found * mask, quarters), None)
-            told = net.look(torch.cat(turns.pop(0))[torch.rot90(number, quarters)[None]], n, shared)
-        yield turned_map(told.float(), -quarters)
+        shared = net.begin(turned_map(found * mask, quarters), None)
+        told = net.look(torch.cat(turns.pop(0))[torch.rot90(number, quarters)[None]].float(), n, shared)
+        yield turned_map(told, -quarters)

@@ -6,7 +6,6 @@ import torch
 
 from photonormal.files import memory
 from photonormal.methods.learned.network import Network
-from photonormal.methods.learned.processor import number_format
 from photonormal.types import Capture, InputError
 
 LEVELS = 2**26  # grey levels held at a time, at most
@@ -14,7 +13,7 @@ LEVEL = 64  # bytes allowed for each, with what is made of them
 SIDE = {"cpu": 2048, "cuda": 1024}  # of a window in pixels, without its margins, at most
 LEAST = 64  # pixels of a window's side, at least
 WINDOW = 2 / 3  # of the memory: the rest is for pictures (`capture.store`)
-SEEN = {"float32": 3328, "bf16": 1920}  # bytes that a network holds for each pixel a window sees, in each quarter turn
+SEEN = 3328  # bytes that a network holds for each pixel that a window sees, in each quarter turn
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 
 
@@ -36,7 +35,7 @@ def side(net: Network, passes: int, rotations: int, device: torch.device, box: t
     On a processor it is what the memory allows, if a box (h, w) does not fit as a whole; other devices have their own.
     """
     most, margin = SIDE.get(device.type, SIDE["cuda"]), passes * net.reach
-    held = (rotations * SEEN[number_format(device)] + SAMPLE * n * net.pointwise) / WINDOW
+    held = (rotations * SEEN + SAMPLE * n * net.pointwise) / WINDOW
     if device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
         least = min((LEAST + 2 * margin) ** 2, box[0] * box[1])
         _refuse(int(held * least), f"a window of {LEAST} pixels with {margin} around it")

@@ -13,6 +13,7 @@ from torch import Tensor, nn
 
 from photonormal.methods.learned.layers import SLOPE
 from photonormal.methods.learned.network import at_pixels
+from photonormal.methods.learned.processor import exactly
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
 
@@ -93,7 +94,10 @@ def tokens(
 
 
 class Encoder(nn.Sequential):
-    """Each image of a pixel by itself; what an earlier pass tells joins it in the first layer."""
+    """Each image of a pixel by itself; what an earlier pass tells joins it in the first layer.
+
+    That layer computes in float32 on any machine: bf16 would round what it reads, and dark pictures most.
+    """
 
     def __init__(self, hidden: int, features: int) -> None:
         act = nn.LeakyReLU(SLOPE, inplace=True)
@@ -105,9 +109,10 @@ class Encoder(nn.Sequential):
         self, seen: Float[Tensor, "t b h w k"], recalled: Float[Tensor, "b h w hidden"] | None
     ) -> Float[Tensor, "bhw k features"]:
         first, *others = self
-        x = first(seen.flatten(1).T)  # in two axes: views would make every in-place layer copy
-        if recalled is not None:
-            x = (x.unflatten(0, (-1, seen.shape[-1])) + recalled.flatten(0, 2)[:, None].to(x.dtype)).flatten(0, 1)
+        with exactly(seen.device):
+            x = first(seen.flatten(1).T)  # in two axes: views would make every in-place layer copy
+            if recalled is not None:
+                x = (x.unflatten(0, (-1, seen.shape[-1])) + recalled.flatten(0, 2)[:, None]).flatten(0, 1)
         for layer in others:
             x = layer(x)
         return x.unflatten(0, (-1, seen.shape[-1]))

@@ -15,6 +15,7 @@ from photonormal.methods.learned.layers import Block, conv, kaiming, unit
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.pooling import Pooled, pool
+from photonormal.methods.learned.processor import exactly
 
 RELATION = 10  # channels between a leaf and its relation
 SLOPE = 0.2  # of their LeakyReLU
@@ -88,7 +89,7 @@ class Filters(nn.Module):
         self.order = order
 
     def forward(self, x: Float[Tensor, "p k 4"]) -> Float[Tensor, "p k f"]:
-        with torch.autocast(x.device.type, enabled=False):  # high degrees magnify what rounding does to r
+        with exactly(x.device):  # high degrees magnify what rounding does to r
             r = self.relation(x.float()).clamp(-CLOSEST, CLOSEST)  # (p, k, 1)
             T = torch.cos(torch.arange(self.order, device=x.device) * torch.acos(r))  # (p, k, order)
         return self.V((T[..., None] * x[..., None, :]).flatten(2))

@@ -23,6 +23,7 @@ from photonormal.methods.learned.layers import SLOPE, Block, conv
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
+from photonormal.methods.learned.processor import exactly
 from photonormal.options import Effort
 from photonormal.types import InputError
 
@@ -125,7 +126,8 @@ class NormalNet(Network):
         frame, memory = Frame.of(prior[:, :3]), prior[:, 3:]
         if lights is None:
             return Shared(frame, None)
-        recalled = self.recall(memory.permute(0, 2, 3, 1)) if memory.shape[1] else None
+        with exactly(prior.device):
+            recalled = self.recall(memory.permute(0, 2, 3, 1)) if memory.shape[1] else None
         return Shared(frame, shading(lights, frame), recalled)
 
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:

@@ -41,6 +41,11 @@ def inner_precision(device: torch.device) -> AbstractContextManager:
     return torch.autocast(device.type, torch.bfloat16) if number_format(device) == "bf16" else nullcontext()
 
 
+def exactly(device: torch.device) -> AbstractContextManager:
+    """No autocast, within `inner_precision` or not."""
+    return torch.autocast(device.type, enabled=False)
+
+
 def knows_bf16(device_type: str) -> bool:
     """Whether a GPU, or a processor (AVX-512 BF16 or AMX of x86, BF16 of ARM), multiplies bf16 by own instructions."""
     if device_type == "cuda":

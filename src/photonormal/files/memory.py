@@ -3,6 +3,7 @@ scratch files lie that spare it."""
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -16,6 +17,7 @@ from photonormal.types import InputError
 SHARE = 8  # one file may take this part of it, decoded: samples become floats, and several are worked on at a time
 LEAST = 2 * 2**30  # bytes that are allowed on any machine
 UNITS = {"KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+UNRESERVED = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP}  # errors of file systems that keep no room beforehand
 CGROUP = Path("/sys/fs/cgroup")  # where a container's own limit stands on Linux
 
 _given: int | None = None
@@ -85,6 +87,8 @@ def scratch_file(nbytes: int, otherwise: str = "") -> IO[bytes]:
         if nbytes and hasattr(os, "posix_fallocate"):
             os.posix_fallocate(file.fileno(), 0, nbytes)
     except OSError as error:
+        if error.errno in UNRESERVED:
+            return file
         file.close()
         raise InputError(
             f"a scratch file of {text_of(nbytes)} can't be written in {folder} ({error.strerror}); set TMPDIR to a "

@@ -21,6 +21,7 @@ ROWS = 256  # of each photograph that tell what is white
 BRIGHTEST = 0.999  # share of the samples that are at most white
 PIXELS = 2**17  # fitted at a time: memory that is asked for anew costs more than reading in smaller parts
 BLOCK = 2**15  # samples encoded at a time: they fit into a cache
+RIDGE = 1e-10  # of lights that differ from pixel to pixel: what keeps coefficients short where lights are too alike
 PIECE = 2**20  # numbers of all layers that are worked on at a time
 
 
@@ -112,11 +113,14 @@ class Fit:
         if lights_at is None:
             inverse = np.linalg.pinv(self.basis(self.capture.known_lights())).astype(np.float32)
             return (inverse @ shown.reshape(n, -1)).reshape(-1, p, c)
-        fitted = np.empty((self.terms, p, c), np.float32)
-        for first in range(0, p, max(1, BLOCK // n)):
-            some = slice(first, min(first + max(1, BLOCK // n), p))
-            B = self.basis(lights_at[pixels.start + some.start : pixels.start + some.stop].astype(np.float64))
-            fitted[:, some] = (np.linalg.pinv(B) @ shown[:, some].swapaxes(0, 1)).swapaxes(0, 1)
+        fitted, some = np.empty((self.terms, p, c), np.float32), max(1, BLOCK // n)
+        for first in range(0, p, some):
+            last = min(first + some, p)
+            B = self.basis(lights_at[pixels.start + first : pixels.start + last].astype(np.float64))  # (some, n, k)
+            gram = B.swapaxes(1, 2) @ B
+            gram += RIDGE * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(self.terms)
+            C = np.linalg.solve(gram, B.swapaxes(1, 2) @ shown[:, first:last].swapaxes(0, 1))
+            fitted[:, first:last] = C.swapaxes(0, 1)
         return fitted
 
 

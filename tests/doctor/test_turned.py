@@ -7,7 +7,9 @@ from photonormal.doctor import check
 from photonormal.doctor.motion import Pictures
 from photonormal.doctor.turned import turned, turns
 from photonormal.types import Capture
+from tests.doctor.test_explanations import shining
 from tests.doctor.test_motion import LIGHTS, shiny
+from tests.scenes import sphere
 
 NAMES = [f"{j}.png" for j in range(len(LIGHTS))]
 
@@ -41,6 +43,11 @@ def test_a_weave_says_nothing_of_half_a_turn():
     images = shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))
     images[::3] = np.rot90(images[::3], 2, axes=(1, 2))
     assert turned(images, NAMES) == []
+
+
+@pytest.mark.parametrize("exponent", [5, 100])
+def test_what_is_round_fits_at_any_turn(exponent):
+    assert not [f for f in check(shining(sphere(72), 0.3, exponent)) if f.kind in ("turned", "motion")]
 
 
 def test_nothing_is_said_of_lights_where_pictures_are_turned(rough):

@@ -14,6 +14,7 @@ from photonormal.doctor.finding import Finding, listed
 from photonormal.doctor.motion import RANK, Pictures, clearly_less, tell
 
 EXPLAINED = 0.7  # detail of the turned pictures that the others leave unexplained once they are turned back, of before
+LOST = 0.5  # of their detail that is left unexplained as they are: what is round fits at any turn
 BESIDE, REPEATED = 3, 0.5  # pixels of a shift that is none, and what is explained elsewhere, as part of that in place
 
 
@@ -33,13 +34,15 @@ def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
     if not group.any() or 2 * group.sum() > n:
         return np.zeros(n, int)
     upright = Pictures(np.stack([np.rot90(d, -k) for d, k in zip(detail, found, strict=True)]), shown.reach)
-    r, before, after, repeats = shown.reach, 0.0, 0.0, 0
+    r, before, after, whole, repeats = shown.reach, 0.0, 0.0, 0.0, 0
     for j in np.flatnonzero(group).tolist():
         U = shown.principal(~group, j)
         before, after = before + shown.rest(j, U, r, r), after + upright.rest(j, U, r, r)
+        whole += shown.gram[j, j]
         repeats += _repeats(upright.left(j, U))
     change = np.log(after / before)
-    certain = change.mean() < np.log(EXPLAINED) and clearly_less(change) and 2 * repeats < group.sum()
+    lost = np.sum(before) > LOST * whole and 2 * repeats < group.sum()
+    certain = lost and change.mean() < np.log(EXPLAINED) and clearly_less(change)
     return found if certain else np.zeros(n, int)
 
 

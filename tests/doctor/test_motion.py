@@ -6,6 +6,8 @@ import pytest
 from photonormal.doctor.motion import motion, shifts
 from photonormal.geometry import normalised
 from tests.calibration.chrome import dome
+from tests.doctor.test_explanations import shining
+from tests.scenes import sphere
 
 LIGHTS = np.concatenate([dome(12, 60.0), dome(8, 30.0)[:7]])
 SHINE = 20  # exponent of the highlights
@@ -81,6 +83,13 @@ def test_what_moves_by_itself_is_no_picture_that_moved():
     assert not shifts(images).any()
     images[4] = np.roll(shiny(z)[4], (3, 4), axis=(0, 1))
     assert np.abs(shifts(images)[4] - (4, 3)).max() < 0.5
+
+
+@pytest.mark.parametrize(("lights", "exponent"), [(12, 50), (14, 150)])
+def test_highlights_of_a_ball_are_no_pictures_that_moved_together(lights, exponent):
+    """A highlight that is shifted lies where another picture has one."""
+    capture = shining(sphere(72), 2.0, exponent, dome(lights, 65.0))
+    assert not shifts(np.asarray(capture.images)[..., 0]).any()
 
 
 def test_what_repeats_is_not_said_to_have_moved_by_a_repeat(woven):

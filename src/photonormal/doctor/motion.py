@@ -32,6 +32,7 @@ DETAIL = 3.0  # pixels: coarser shading moves with the light
 SIDE, AGREED = 6, 2.2  # parts along each side, and standard errors by which they fit better after the shift
 UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, below which it may have moved
 GROUP, GROUPS, MATT = 3, 3, 3  # pictures shifted alike at least, such groups at most; pictures that tell a matt surface
+BESIDE, REPEATED = 3, 0.5  # pixels of a shift that is none, and what is explained elsewhere, as part of that in place
 TOGETHER = 0.85  # detail that is left unexplained where a group is shifted back, as part of before
 USUAL = 1 / 3  # of what it fits worse by than pictures do as a rule, that is left after the shift
 OUTLYING = 2.0  # robust standard deviations by which it fits worse than the pictures do as a rule, in log odds
@@ -190,7 +191,21 @@ def _group(shown: Pictures) -> tuple[Bool[np.ndarray, " n"], int, int] | None:
             here = _near(at, usual, place)
             most = 2 * there.sum() > len(at) and here.sum() >= GROUP
             best = change.mean(), (here, -y, -x) if most else (there, y, x)
-    return best[1] if best else None
+    return None if best is None or fit_elsewhere(shown.shifted_back(*best[1]), best[1][0]) else best[1]
+
+
+def fit_elsewhere(shown: Pictures, group: Bool[np.ndarray, " n"]) -> bool:
+    """Whether most pictures of a group fit the others after a shift nearly as well as where they are.
+
+    So does what repeats, and what shows nothing but highlights.
+    """
+    r, found = shown.reach, 0
+    for j in np.flatnonzero(group).tolist():
+        explained = 1 - shown.left(j, shown.principal(~group, j))
+        here = explained[r, r]
+        explained[r - BESIDE : r + BESIDE + 1, r - BESIDE : r + BESIDE + 1] = 0
+        found += int(explained.max() > REPEATED * here)
+    return 2 * found > int(group.sum())
 
 
 def _near(

@@ -11,11 +11,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from photonormal.doctor.finding import Finding, listed
-from photonormal.doctor.motion import RANK, Pictures, clearly_less, tell
+from photonormal.doctor.motion import RANK, Pictures, clearly_less, fit_elsewhere, tell
 
 EXPLAINED = 0.7  # detail of the turned pictures that the others leave unexplained once they are turned back, of before
 LOST = 0.5  # of their detail that is left unexplained as they are: what is round fits at any turn
-BESIDE, REPEATED = 3, 0.5  # pixels of a shift that is none, and what is explained elsewhere, as part of that in place
 
 
 def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
@@ -34,24 +33,14 @@ def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
     if not group.any() or 2 * group.sum() > n:
         return np.zeros(n, int)
     upright = Pictures(np.stack([np.rot90(d, -k) for d, k in zip(detail, found, strict=True)]), shown.reach)
-    r, before, after, whole, repeats = shown.reach, 0.0, 0.0, 0.0, 0
+    r, before, after, whole = shown.reach, 0.0, 0.0, 0.0
     for j in np.flatnonzero(group).tolist():
         U = shown.principal(~group, j)
         before, after = before + shown.rest(j, U, r, r), after + upright.rest(j, U, r, r)
         whole += shown.gram[j, j]
-        repeats += _repeats(upright.left(j, U))
     change = np.log(after / before)
-    lost = np.sum(before) > LOST * whole and 2 * repeats < group.sum()
-    certain = lost and change.mean() < np.log(EXPLAINED) and clearly_less(change)
-    return found if certain else np.zeros(n, int)
-
-
-def _repeats(left: Float[np.ndarray, "k k"]) -> bool:
-    """Whether a picture fits after a shift, too, as what looks alike from all sides does."""
-    r = len(left) // 2
-    elsewhere = left.copy()
-    elsewhere[r - BESIDE : r + BESIDE + 1, r - BESIDE : r + BESIDE + 1] = 1
-    return bool(1 - elsewhere.min() > REPEATED * (1 - left[r, r]))
+    better = np.sum(before) > LOST * whole and change.mean() < np.log(EXPLAINED) and clearly_less(change)
+    return found if better and not fit_elsewhere(upright, group) else np.zeros(n, int)
 
 
 def _laid(A: Float[np.ndarray, "k n q"]) -> Int[np.ndarray, " n"]:

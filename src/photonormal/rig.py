@@ -108,7 +108,7 @@ def calibrate(
         with progress(f"spheres in {path.name}"):
             images = _images(path, names, kept)
             try:
-                here = _spheres(path, images, share, count, camera)
+                here = _spheres(path, images, share, count, camera, own=str(place) == AUTO)
             except SphereError as refusal:
                 with at_once(out.parent) as batch:
                     batch.write(refused.name, encode_png(drawn(_brightest(images), [], refusal.circles)))
@@ -389,9 +389,9 @@ def _images(folder: Path, names: Sequence[str], kept: Sequence[int]) -> ImageFil
 
 
 def _spheres(
-    folder: Path, images: ImageFiles, circles: Sequence[Circle], count: int, camera: Projection
+    folder: Path, images: ImageFiles, circles: Sequence[Circle], count: int, camera: Projection, own: bool
 ) -> list[Sphere]:
-    """The spheres that a folder's pictures show."""
+    """The spheres that a folder's pictures show; a mask in the object's own folder is not the sphere's."""
     others = [p for p in find_pictures(folder) if not re.search(r"\d", p.stem) and p not in images.pictures]
     scale = 1 / float(images[0].max() or 1) if images.dtype.kind == "f" else 1.0  # floats have no full scale
 
@@ -399,7 +399,7 @@ def _spheres(
         picture = ImageFiles([path], None, np.ones((1, 1)))
         return (lambda _: picture[0]) if picture.shape[1:3] == images.shape[1:3] else None
 
-    mask = None if circles else find_mask(folder)
+    mask = None if circles or own else find_mask(folder)
     return look_at_spheres(
         lambda j: images[j] * scale,
         images.shape[1:3],

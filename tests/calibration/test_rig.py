@@ -53,6 +53,14 @@ def test_a_sphere_beside_the_object_is_found_in_its_own_pictures(tmp_path, capsy
     assert angle_deg(read_lights(tmp_path / "lights.lp").vectors, dome(7)).max() < 1
 
 
+def test_a_mask_beside_the_object_is_not_the_sphere_s(tmp_path, capsys):
+    write_chrome(tmp_path / "scene", dome(7), mask=True, centre=(100.0, 117.6), radius=50.0)
+    place = {"centre": (230.0, 110.0), "radius": 60.0}
+    write_chrome(tmp_path / "scene", dome(7), **place)  # the mask stays where the object is
+    assert run(capsys, "calibrate", tmp_path / "scene", "--out", tmp_path / "lights.lp")[0] == 0
+    assert angle_deg(read_lights(tmp_path / "lights.lp").vectors, dome(7)).max() < 1
+
+
 def test_a_reference_picture_without_a_number_is_no_light(rig, capsys):
     import cv2
 

@@ -175,6 +175,6 @@ def _refusal(looked: list[Found], found: int, count: int, where: str) -> SphereE
         )
     return SphereError(
         f"{found} of {count} mirror spheres were found in {where} ({tried}); "
-        "give --circle x,y,r in pixels from the upper left, or put a mask picture into the folder.",
+        "give --circle x,y,r in pixels from the upper left, or --sphere with a folder that holds a mask of it, too.",
         () if best is None else (best.circle,),
     )

@@ -27,6 +27,7 @@ GAMMAS = (2.0, 4.4)  # powers that make square roots of levels light, stored lin
 STILL = 0.6  # quantile of a place's brightness that no highlight and no shadow has
 BLUR = 1.5  # pixels of the photographs beside an outline that show both sides
 WRONG = 0.1  # part of the pictures whose highlight may be another thing's
+SHADED = 0.5  # part of the light that is missing from which a place is in shadow
 SEEN = 0.01  # part of the places in shadow from which a picture's shadow tells something
 NEAREST = 0.12  # a sphere's radius as a part of the lamps' distance, at most
 FEW = 4  # pictures below which a place's middle brightness may be in shadow
@@ -42,6 +43,7 @@ class Surroundings:
     missing : part of the light in `still` that each picture lacks once it is divided by its brightness
     bright : terms of 1, x and y of the logarithm of each picture's brightness: near lamps light their own side more
     lit : where it was told
+    deep : what is missing in a shadow; other light, which comes from everywhere, is left
     blur : pixels beside an outline that show both sides
     """
 
@@ -49,6 +51,7 @@ class Surroundings:
     missing: Float[np.ndarray, "n a b"]
     bright: Float[np.ndarray, "n 3"]
     lit: Bool[np.ndarray, "a b"]
+    deep: float
     blur: float
 
     @classmethod
@@ -65,7 +68,9 @@ class Surroundings:
         light = (np.exp(b[0] + b[1] * x + b[2] * y) for b in bright.astype(np.float32))
         even = np.stack([picture / b for picture, b in zip(stack, light, strict=True)])
         still = np.quantile(even, STILL, axis=0)
-        return cls(still, (1 - (even / still.clip(1e-3)) ** EDGE_POWER).clip(0, 1), bright, lit, BLUR * pixel)
+        missing = (1 - (even / still.clip(1e-3)) ** EDGE_POWER).clip(0, 1)
+        shaded = missing[:, lit][missing[:, lit] > SHADED]
+        return cls(still, missing, bright, lit, float(np.median(shaded)) if shaded.size else 1.0, BLUR * pixel)
 
     def explained(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> float:
         """Correlation, over places and pictures, of what is dark with the shadows of the sphere of that circle.
@@ -104,11 +109,13 @@ class Surroundings:
         x, y, dark = self._around(circle)
         if shown.sum() < FEW or x.size < PLACES / 40:
             return 0.0, np.zeros((0, 0)), np.zeros((0, 0))
-        L, dark, bright = directions(circle, xy[shown])[0], dark[shown], self.bright[shown]
+        (L, N), dark, bright = directions(circle, xy[shown]), dark[shown], self.bright[shown]
         found = []
         for gamma in GAMMAS:
             T = _table(L, np.exp(gamma * bright @ (1.0, circle.x, circle.y)))
-            S = shadows(circle, L, T, x, y, _near(circle, L, T, gamma * bright[:, 1:])).astype(float)
+            lamps = 1 - (1 - self.deep) ** (gamma / EDGE_POWER)  # of all light
+            near = _near(circle, L, T, gamma / lamps * bright[:, 1:])
+            S = shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)  # L is from where it is mirrored
             left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
             found.append((float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel()))), S))
         most, S = max(found, key=lambda f: f[0])
@@ -149,7 +156,8 @@ def _near(
     """
     along = L[:, :2] - L[:, 2:] * T[:2] / T[2]
     along, grown = (a - a.mean(0) for a in (along, slopes * (1, -1)))
-    return float(np.clip(circle.r * (along * grown).sum() / max(3 * (along**2).sum(), 1e-9), 0, NEAREST))
+    near = max(0.0, float(circle.r * (along * grown).sum() / max(3 * (along**2).sum(), 1e-9)))
+    return min(near / max(1 - near * float((L @ T).mean()), 0.5), NEAREST)  # the plane is farther than the sphere
 
 
 def _plane(A: Float[np.ndarray, "p 3"], values: Float[np.ndarray, " p"]) -> Float[np.ndarray, " 3"]:

@@ -17,7 +17,7 @@ Photograph = Callable[[int], Float[np.ndarray, "h w c"]]  # levels in [0, 1] of 
 WORKING_SIZE = 800  # longest side in pixels of the pictures that are searched
 SHADING_SIZE = 64  # and of those whose shading is compared
 PLACES = 4  # constellations that are looked around
-PEAKS = 12  # brightest places of a picture that may belong to a constellation
+PEAKS, ALL_PEAKS = 24, 3000  # brightest places of a picture, and of all, that may belong to a constellation
 BRIGHT = 0.3  # level of a peak, as part of its picture's brightest
 TOGETHER = 0.75  # part of the pictures that have a peak in a constellation
 GAMMAS = (1.0, 2.2)  # how levels may be encoded
@@ -138,7 +138,7 @@ def _moving_peaks(dark: UInt8[np.ndarray, "n a b"]) -> tuple[np.ndarray, Float[n
         _, labels, _, centre = cv2.connectedComponentsWithStats(top.astype(np.uint8), connectivity=8)
         height = np.zeros(len(centre), np.float32)
         np.maximum.at(height, labels[top], level[top])
-        strongest = np.argsort(-height)[:PEAKS]
+        strongest = np.argsort(-height)[: min(PEAKS, ALL_PEAKS // len(dark))]
         strongest = strongest[height[strongest] > 0]
         of += [j] * len(strongest)
         at += [centre[k] for k in strongest]

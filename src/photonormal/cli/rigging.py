@@ -23,7 +23,8 @@ class Calibrate:
     folder: Positional[Path]
     """The object's photographs, which the lights are for."""
     sphere: tuple[Path, ...] = (Path("AUTO"),)
-    """Folders with photographs of a mirror sphere under the same lights in the same order; AUTO: it is in FOLDER's."""
+    """Folders with photographs of a mirror sphere or a glossy ball, under the same lights in the same order; AUTO: it
+    is in FOLDER's."""
     from_object: bool = False
     """There is no sphere: directions and intensities are found from FOLDER's photographs of the object."""
     out: Path = Path("lights.lp")

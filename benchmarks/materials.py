@@ -9,9 +9,10 @@ hemisphere, half 96 lights like DiLiGenT's.
 A pixel shows a highlight if some light, not in shadow, shows a tenth of the lobe's peak on it, the true highlight
 adds a tenth of what the matt part shows where that is brightest, and the roughness is below 0.8: broader lobes look
 like matt surfaces. With `--broad` those count, too. `told`: of those pixels. `0.1`, `0.2`: how many of them are told
-and within that; in brackets, of those that are told. `unknown`: of the others, how many are not told. `metalness`: of
-the pixels where it is told, how many are right, and how many of those with a highlight are told. At the end the same
-of all pixels together, and the mean of the scenes that show highlights on a hundredth of the object.
+and within that; in brackets, of those that are told. `unknown`: of the others, how many are not told. `right`: of all
+pixels that are told, with such a highlight or without, how many are within 0.2. `metalness`: of the pixels where it is
+told, how many are right, and how many of those with a highlight are told. At the end the same of all pixels together,
+and the mean of the scenes that show highlights on a hundredth of the object.
 """
 
 from __future__ import annotations
@@ -124,6 +125,7 @@ def scored(off: np.ndarray, shown: np.ndarray, metalness: np.ndarray, metal: np.
         "(0.1)": share(off < 0.1, shown & told),
         "(0.2)": share(off < 0.2, shown & told),
         "unknown": share(~told, ~shown),
+        "right": share(off < 0.2, told),
         "metalness": share(metalness == metal, sure),
         "metal told": share(sure, shown),
     }

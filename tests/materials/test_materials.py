@@ -57,6 +57,15 @@ def test_the_roughness_of_a_sphere_is_found_and_its_albedo_has_no_highlight(roug
     assert not (found.metalness == 1).any()
 
 
+def test_a_broad_highlight_that_a_pixel_shows_alone_is_not_believed():
+    glossy, matt = shiny(0.6), shiny(0.6, F0=(0, 0, 0))
+    images = matt.images.copy()
+    images[:, 20, 20] = glossy.images[:, 20, 20]
+    assert np.isfinite(materials_of(glossy, glossy.truth).roughness[20, 20])
+    found = materials_of(replace(matt, images=images), matt.truth)
+    assert not np.isfinite(found.roughness).any() and not found.specular.any()
+
+
 def test_a_sphere_without_matt_part_is_a_metal_and_shows_its_colour():
     capture = shiny(0.4, albedo=(0, 0, 0), F0=(0.9, 0.7, 0.3))
     found = materials_of(capture, capture.truth)

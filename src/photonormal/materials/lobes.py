@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -34,13 +35,15 @@ class Fit:
 
     Parameters
     ----------
-    albedo, F0 : not below zero; F0 is zero where no highlight is told
+    albedo, F0 : not below zero
+    alone : the albedo if there is no highlight
     told : the lights show a highlight that fits
     certain : it fits so well, and so unlike a matt part, that it tells how much of that there is
     """
 
     albedo: Float[Tensor, "p c"]
     F0: Float[Tensor, "p c"]
+    alone: Float[Tensor, "p c"]
     told: Bool[Tensor, " p"]
     certain: Bool[Tensor, " p"]
 
@@ -85,7 +88,8 @@ def samples(
     usable = facing & ~saturated
     ratio = torch.where(usable, Y / cos_l.clamp(min=STEEPEST), torch.inf)
     rank = (LOW * usable.sum(1, keepdim=True)).long().clamp(max=Y.shape[1] - 1)
-    at = ratio.sort(1).indices.gather(1, rank)  # (p, 1) the light that shows the quantile
+    order = torch.from_numpy(np.argsort(ratio.numpy(), axis=1))  # several times as fast as torch's
+    at = order.gather(1, rank)  # (p, 1) the light that shows the quantile
     albedo = I.gather(1, at[..., None].expand(-1, 1, I.shape[2]))[:, 0] / cos_l.gather(1, at).clamp(min=STEEPEST)
     level = albedo.mean(-1, keepdim=True)
     lit = facing & (Y >= SHADE * level * cos_l)
@@ -149,4 +153,4 @@ def fitted(s: Samples, roughness: Float[Tensor, " p"]) -> Fit:
     shown = s.lit & near & (F0.mean(-1, keepdim=True) * g > FAINT * brightest)
     told = shown.any(1) & (unexplained < (1 - EXPLAINED) * of) & (roughness < BROADEST)
     certain = told & (unexplained < (1 - CERTAIN) * of) & (gm.square() < ALIKE**2 * mm * gg)[:, 0]
-    return Fit(torch.where(told[:, None], rho, alone), F0 * told[:, None], told, certain)
+    return Fit(rho, F0, alone, told, certain)

@@ -11,15 +11,20 @@ from torch import Tensor
 
 from photonormal.masked import row_bands
 from photonormal.materials.lobes import ROUGHNESS, fitted, likeliest, log_likelihood, samples
-from photonormal.materials.neighbours import RADIUS, pooled
+from photonormal.materials.neighbours import RADIUS, company, pooled
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
+from photonormal.methods.engine.workers import side_by_side
 from photonormal.progress import progress
 from photonormal.types import Capture, Materials, Normals, box_of
 
+CPU = torch.device("cpu")
 PIXELS = 2**11  # whose lobes are computed at a time: they fit into a cache
 LEVELS = 8  # grey levels that take as much memory as what is found of a pixel
-FITTED = ("albedo", "F0", "told", "certain")
+FITTED = ("albedo", "F0", "alone", "told", "certain")
+AROUND = (
+    3 * RADIUS
+)  # rows that help to tell: neighbours choose the roughness, say whether it is told, and whether metal
 SATURATED = 0.995  # of the largest sample, from which one tells too little
 MATT = 0.6  # share of the albedo in albedo + F0 above which nothing is a metal,
 BARE = 0.05  # below which it is one,
@@ -50,7 +55,7 @@ def materials_of(capture: Capture, normals: Normals) -> Materials:
     columns = box_of(capture.mask)[1]
     with progress("materials", int(capture.mask.sum())) as advance:
         for rows in row_bands(capture.mask, max(1, min(plan.pixels(capture), plan.levels() // LEVELS))):
-            around = slice(max(0, rows.start - RADIUS), min(h, rows.stop + RADIUS))
+            around = slice(max(0, rows.start - AROUND), min(h, rows.stop + AROUND))
             _fill(found, capture, normals, rows, around, columns)
             advance(int(capture.mask[rows].sum()))
     return found
@@ -65,14 +70,26 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     where = torch.from_numpy(on)
     likelihood = torch.zeros(*on.shape, len(ROUGHNESS))
     colour = torch.zeros(*on.shape, capture.images.shape[3])
-    each = [(log_likelihood(s), s.albedo) for s in (samples(*part) for part in seen)]
+    each = side_by_side(_guessed, seen, CPU)
     likelihood[where], colour[where] = (torch.cat(values) for values in zip(*each, strict=True))
     del each
-    roughness = likeliest(pooled(likelihood, colour)[where]).split([len(part[0]) for part in seen])
+    roughness = likeliest(pooled(likelihood, colour)[where])
     del likelihood
-    fits = [fitted(samples(*part), r) for part, r in zip(seen, roughness, strict=True)]
-    rho, F0, told, certain = (torch.cat([getattr(fit, name) for fit in fits]) for name in FITTED)
-    roughness = torch.where(told, torch.cat(roughness), torch.nan)
+    parts = zip(seen, roughness.split([len(part[0]) for part in seen]), strict=True)
+    fits = side_by_side(lambda part: fitted(samples(*part[0]), part[1]), parts, CPU)
+    rho, F0, alone, told, certain = (torch.cat([getattr(fit, name) for fit in fits]) for name in FITTED)
+
+    def believed(which: Tensor) -> Tensor:
+        """Those that have company: a broad highlight reaches a pixel's neighbours, too."""
+        some = torch.zeros(on.shape, dtype=torch.bool)
+        some[where] = which
+        return which & (company(some, where)[where] >= roughness.square())
+
+    told = believed(told)
+    rho, F0 = torch.where(told[:, None], rho, alone), F0 * told[:, None]
+    metal = metalness(rho, F0, certain & told)
+    metal = torch.where((metal == 1) & ~believed(metal == 1), torch.nan, metal)
+    roughness = torch.where(told, roughness, torch.nan)
     kept = np.zeros_like(on)
     kept[rows.start - around.start : rows.stop - around.start] = True
     kept, mine = kept & on, torch.from_numpy(kept[on])
@@ -80,9 +97,14 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
         (found.albedo, rho),
         (found.specular, F0),
         (found.roughness, roughness),
-        (found.metalness, metalness(rho, F0, certain)),
+        (found.metalness, metal),
     ):
         map[around, columns][kept] = values[mine].numpy()
+
+
+def _guessed(part: tuple[Tensor, Tensor, Tensor, Tensor]) -> tuple[Tensor, Tensor]:
+    s = samples(*part)
+    return log_likelihood(s), s.albedo
 
 
 def _seen(

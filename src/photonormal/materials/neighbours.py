@@ -1,10 +1,11 @@
-"""What pixels of one material tell together: sums over those near a pixel that look alike."""
+"""What pixels tell together: sums over those near a pixel that look alike, and how many of those near it are told."""
 
 from __future__ import annotations
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
+from torch.nn.functional import avg_pool2d
 
 RADIUS = 2  # pixels, in rows and columns
 ALIKE = 0.25  # standard deviation of a relative difference of colours
@@ -25,3 +26,9 @@ def pooled(values: Float[Tensor, "h w r"], colour: Float[Tensor, "h w c"]) -> Fl
             weight = torch.exp(-0.5 * ((a - b).norm(dim=-1) / size / ALIKE).square())
             out[here] += weight[..., None] * values[there]
     return out
+
+
+def company(told: Bool[Tensor, "h w"], on: Bool[Tensor, "h w"]) -> Float[Tensor, "h w"]:
+    """The share of told pixels among those near a pixel that are on the object, itself included."""
+    counts = [avg_pool2d(which[None].float(), 2 * RADIUS + 1, 1, RADIUS)[0] for which in (told & on, on)]
+    return counts[0] / counts[1].clamp(min=1e-6)

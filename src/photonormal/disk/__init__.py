@@ -5,7 +5,7 @@
 a folder can't be written.
 """
 
-from photonormal.disk.batch import Batch, Inside, at_once, in_use, recover, write
+from photonormal.disk.batch import Batch, Content, Inside, at_once, in_use, recover, write
 from photonormal.disk.journal import PARTIAL
 from photonormal.disk.locking import lock, uninterrupted
 from photonormal.disk.refusals import identities, refuse_filled, refuse_folder, refuse_taken, unwritable
@@ -13,6 +13,7 @@ from photonormal.disk.refusals import identities, refuse_filled, refuse_folder, 
 __all__ = [
     "PARTIAL",
     "Batch",
+    "Content",
     "Inside",
     "at_once",
     "identities",

@@ -19,15 +19,18 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, TypeAlias
 
 from photonormal.disk.journal import PARTIAL, Journal, stamp, sync
 from photonormal.disk.locking import uninterrupted
 from photonormal.disk.refusals import NOTHING, refuse_folder, unwritable
 from photonormal.types import InputError
+
+Content: TypeAlias = bytes | memoryview | Callable[[BinaryIO], object]  # of a file, or what writes it into one
 
 log = logging.getLogger(__name__)
 
@@ -60,14 +63,14 @@ class Batch:
                 path.parent.mkdir(parents=True, exist_ok=True)
         return path
 
-    def write(self, name: str, data: bytes | memoryview) -> None:
+    def write(self, name: str, content: Content) -> None:
         """Write one of the files; from any thread, but RuntimeError once the batch has ended."""
         with self._turn:
             if self._ended:
                 raise RuntimeError(f"{self.folder} is no longer written")
             path = self / name
-            with _told(self):
-                path.write_bytes(data)
+            with _told(self), path.open("wb") as file:
+                content(file) if callable(content) else file.write(content)
 
     def inside(self, name: str) -> Inside:
         """A folder in the folder, to write files into in the same way."""
@@ -186,12 +189,12 @@ def _told(batch: Batch) -> Iterator[None]:
         raise unwritable(batch.folder, error, batch.after) from None
 
 
-def write(path: Path, data: bytes | memoryview) -> None:
+def write(path: Path, content: Content) -> None:
     """Write one file into a folder that exists: a reader never sees half of it."""
     if not path.parent.is_dir():
         raise unwritable(path, FileNotFoundError(errno.ENOENT, ""))
     with at_once(path.parent) as batch:
-        batch.write(path.name, data)
+        batch.write(path.name, content)
 
 
 def recover(folder: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.arrays import as_normals
+from photonormal.disk import Content, write
 from photonormal.geometry import known_frame
 from photonormal.types import InputError, Normals, Surface
 
@@ -43,8 +44,6 @@ def save(
     -------
     The path written.
     """
-    from photonormal.disk import write
-
     path = Path(path)
     if not isinstance(result, Surface):
         result = as_normals(result)
@@ -61,8 +60,8 @@ def encoded(
     mm_per_px: float | None = None,
     most_faces: int = 2_000_000,
     white: float = 1.0,
-) -> bytes | memoryview:
-    """The bytes of a file of that name, as `save` writes it; the albedo is 1 where it is `white`."""
+) -> Content:
+    """The content of a file of that name, as `save` writes it; the albedo is 1 where it is `white`."""
     from photonormal.export import heights, mesh, normal_maps
 
     suffix = Path(name).suffix.lower()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, UInt16
 
+from photonormal.disk import Content
 from photonormal.export.mesh import scale_of
 from photonormal.export.normal_maps import encode_exr
 from photonormal.files.opening import read_npz
@@ -18,8 +20,8 @@ REMARK = "photonormal-height"  # in a file, which tells what black and white are
 FORMATS = (".npz", ".png", ".tif", ".tiff", ".exr")
 
 
-def encode(surface: Surface, suffix: str, mm_per_px: float | None) -> bytes | memoryview:
-    """The bytes of depth (.npz), or of heights towards the camera as a picture: .exr holds them as they are, .png and
+def encode(surface: Surface, suffix: str, mm_per_px: float | None) -> Content:
+    """The content of depth (.npz), or of heights towards the camera as a picture: .exr holds them as they are, .png and
     .tif from the lowest (0) to the highest (65535); what lies outside the mask is as low as the lowest."""
     if suffix == ".npz":
         return depth_npz(surface, mm_per_px)
@@ -55,16 +57,14 @@ def heights_px(surface: Surface) -> Float[np.ndarray, "h w"]:
     return depth if surface.K is None else (1 - depth) * surface.K[0, 0]
 
 
-def depth_npz(surface: Surface, mm_per_px: float | None = None) -> memoryview:
+def depth_npz(surface: Surface, mm_per_px: float | None = None) -> Content:
     """`depth` float32 (h, w), NaN outside; `mask` bool (h, w); `K` (3, 3) of a perspective view; with `mm_per_px`,
     which is in the file then, depth is in millimetres."""
-    buffer = io.BytesIO()
     about: dict[str, np.ndarray] = {} if surface.K is None else {"K": surface.K}
     if mm_per_px is not None:
         about["mm_per_px"] = np.array(mm_per_px)
     depth = (surface.depth * scale_of(surface, mm_per_px)).astype(np.float32)
-    np.savez(buffer, allow_pickle=False, depth=depth, mask=surface.mask, **about)
-    return buffer.getbuffer()
+    return partial(np.savez, allow_pickle=False, depth=depth, mask=surface.mask, **about)
 
 
 def read_depth(path: Path) -> Surface:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import io
 import os
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool
 
-from photonormal.disk import recover
+from photonormal.disk import Content, recover
 from photonormal.export import foreign
 from photonormal.export.foreign import AUTO
 from photonormal.files.decode import KINDS, decode_all
@@ -52,7 +52,7 @@ def encode_exr(channels: dict[str, np.ndarray], header: dict[str, str] | None = 
         return Path(file).read_bytes()
 
 
-def npz(normals: Normals, frame: str) -> memoryview:
+def npz(normals: Normals, frame: str) -> Content:
     """`normals` float32 (h, w, 3), `mask` bool (h, w) and, where known, `expected_error_deg` float32 (h, w); `axes`,
     the frame's as photonormal.geometry.FRAMES has them, where it is not ours."""
     arrays = {"normals": in_frame(normals.map, frame), "mask": normals.mask}
@@ -60,9 +60,7 @@ def npz(normals: Normals, frame: str) -> memoryview:
         arrays["expected_error_deg"] = normals.expected_error_deg
     if frame != "opengl":
         arrays["axes"] = np.array(FRAMES[frame], np.int8)
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)  # type: ignore[arg-type]
-    return buffer.getbuffer()
+    return partial(np.savez, allow_pickle=False, **arrays)  # type: ignore[arg-type]
 
 
 WRITERS = {".png": png, ".exr": exr, ".npz": npz}

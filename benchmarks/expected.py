@@ -143,9 +143,7 @@ def write(found: Found, count: int) -> None:
         for text, rows in found.items()
     }
     lines = [f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in methods.items()]
-    FILE.write_text(
-        '{"made by": "python benchmarks/expected.py --fit", "methods": {\n' + ",\n".join(lines) + "\n}}\n"
-    )
+    FILE.write_text('{"made by": "python benchmarks/expected.py --fit", "methods": {\n' + ",\n".join(lines) + "\n}}\n")
 
 
 def calibration(rows: list[tuple[int, np.ndarray, np.ndarray]]) -> dict[str, list]:
@@ -208,7 +206,7 @@ def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) 
             if (both := solved(text, whole)) is None:
                 continue
             capture, normals, found_here = both
-            normals = with_expected_error(normals, found_here, capture, method_of(text), CPU)
+            normals = with_expected_error(normals, found_here.told_deg, capture, method_of(text), CPU)
             assert capture.truth is not None and normals.expected_error_deg is not None
             on = normals.mask & capture.truth.mask
             true = angle_deg(normals.map[on], capture.truth.map[on])

@@ -120,16 +120,17 @@ def measure(
             found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
             computed_in = number_format(where) if solver.needs.reads == "stream" else None
         normals = on_mask(found, capture)
-    lit = with_lights(whole, found)
+    lit, told_deg = with_lights(whole, found), found.told_deg
+    if told is None and found.lights is not None:
+        told = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
+    del found  # its normals lie in the map
     if expected_error and lit.lights is not None:
         from photonormal.methods.expected import with_expected_error
 
         with _stage("expected error", seconds), progress("expected errors"):
             lit = seen_as_distant(lit, normals)
-            normals = with_expected_error(normals, found, lit, solver, where)
-    if told is None and found.lights is not None:
-        told = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
-    del found  # its normals lie in the map
+            normals = with_expected_error(normals, told_deg, lit, solver, where)
+    del told_deg
     rho = surface = None
     if integration is not None:
         with _stage("integrate", seconds), progress(f"depth by {integration}"):

@@ -11,7 +11,6 @@ from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
 from photonormal.methods import METHODS, configure, expected, parse, solve
-from photonormal.methods.contract import Solution
 from photonormal.methods.expected import (
     EVIDENCE,
     Calibration,
@@ -157,10 +156,9 @@ def test_a_calibration_at_one_number_of_images_is_taken_for_all():
 def test_what_a_network_tells_counts():
     capture = shining(0.3, size=12)
     p = int(capture.mask.sum())
-    normals = torch.from_numpy(capture.truth.map[capture.mask])
     sure, unsure = (
         with_expected_error(
-            capture.truth, Solution(normals, torch.full((p,), degrees)), capture, configure("normalnet"), CPU
+            capture.truth, torch.full((p,), degrees), capture, configure("normalnet"), CPU
         ).expected_error_deg[capture.mask]
         for degrees in (1.0, 10.0)
     )
@@ -173,10 +171,9 @@ def test_what_a_network_tells_counts():
 )
 def test_a_calibration_counts_only_for_the_options_it_was_made_for(method):
     capture = shining(0.3, size=12)
-    found = Solution(torch.from_numpy(capture.truth.map[capture.mask]))
-    assert with_expected_error(capture.truth, found, capture, method, CPU) is capture.truth
-    told = torch.full((len(found.normals),), 7.0)
-    e = with_expected_error(capture.truth, replace(found, told_deg=told), capture, method, CPU).expected_error_deg
+    assert with_expected_error(capture.truth, None, capture, method, CPU) is capture.truth
+    told_deg = torch.full((int(capture.mask.sum()),), 7.0)
+    e = with_expected_error(capture.truth, told_deg, capture, method, CPU).expected_error_deg
     assert (e[capture.mask] == 7).all()  # what it says itself
 
 
@@ -198,10 +195,10 @@ def test_on_large_objects_errors_are_found_on_a_grid(monkeypatch):
 def test_of_the_largest_objects_a_networks_errors_are_found_on_a_grid(monkeypatch):
     capture = shining(0.5, size=64)
     told_deg = torch.from_numpy(1 + 5 * np.abs(capture.truth.map[capture.mask][:, 0])).float()
-    found, method = Solution(torch.from_numpy(capture.truth.map[capture.mask]), told_deg), configure("normalnet")
+    method = configure("normalnet")
 
     def errors():
-        return with_expected_error(capture.truth, found, capture, method, CPU).expected_error_deg
+        return with_expected_error(capture.truth, told_deg, capture, method, CPU).expected_error_deg
 
     whole, held, evidence_of = errors(), [], expected.evidence_of
     monkeypatch.setattr(

@@ -142,4 +142,4 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     where = torch_device(device)
     found = run(solver, capture, where)
     normals, lit = on_mask(found, capture), with_lights(capture, found)
-    return normals if lit.lights is None else with_expected_error(normals, found, lit, solver, where)
+    return normals if lit.lights is None else with_expected_error(normals, found.told_deg, lit, solver, where)

@@ -29,7 +29,7 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
     columns = box_of(capture.mask)[1]
     albedo = np.zeros(normals.map.shape, np.float32)
     first = 0
-    for rows in row_bands(capture.mask, plan.pixels(capture)):
+    for rows in row_bands(capture.mask, plan.pixels(capture) // 2):  # all channels are held, twice
         on = normals.mask[rows, columns]
         N = normals.map[rows, columns][on]  # (p, 3)
         count = int(capture.mask[rows, columns].sum())

@@ -23,7 +23,7 @@ from photonormal.masked import on_map, taken
 from photonormal.methods import name_of, options_of, parse
 from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
-from photonormal.methods.contract import Method, Solution
+from photonormal.methods.contract import Method
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.engine.samples import Band, all_lights, bands, lights_at
 from photonormal.methods.engine.workers import side_by_side
@@ -72,16 +72,16 @@ DIM = Trimmed(lowest=0.0, highest=0.35)
 
 
 def with_expected_error(
-    normals: Normals, solution: Solution, capture: Capture, method: Method, device: torch.device
+    normals: Normals, told_deg: Float[Tensor, " p"] | None, capture: Capture, method: Method, device: torch.device
 ) -> Normals:
     """The normals that a method found, with how far each is expected to be off.
 
-    By the method's calibration; where it has none for these options, what the method tells itself, if it does.
+    By the method's calibration; where it has none for these options, what the method tells itself, `told_deg` of the
+    pixels on the capture's mask, if it does.
     `capture` is the one that was solved, or that one with its near lamps evened out
     (`photonormal.methods.engine.near.seen_as_distant`), which saves doing it again.
     """
-    told = solution.told_deg
-    told_map = None if told is None else on_map(told.numpy(), capture.mask, np.nan)
+    told_map = None if told_deg is None else on_map(told_deg.numpy(), capture.mask, np.nan)
     calibration = calibration_of(method)
     if calibration is None:
         return normals if told_map is None else replace(normals, expected_error_deg=told_map)

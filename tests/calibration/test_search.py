@@ -63,6 +63,14 @@ def test_a_sphere_cut_by_the_border_is_refused():
     assert round(refusal.value.circles[0].r) == 90
 
 
+def test_a_sphere_of_which_the_border_hides_highlights_is_to_be_photographed_whole():
+    half = [
+        photograph([(*highlight_at(l, (20, 120), 60), 3.0)], (20, 120), 60, seed=j) for j, l in enumerate(dome(8, 80))
+    ]
+    with pytest.raises(SphereError, match=r"at 2\d\.\d,1[12]\d\.\d,[56]\d\.\d .*border.* photograph"):
+        found([p / np.float32(255) for p in half])
+
+
 def table(lights, ball=(250.0, 120.0), r=25.0, horizon=False, coin=False) -> list[np.ndarray]:
     """A matt table under distant lights, on it a mirror ball, with its horizon in it, and a coin with a relief."""
     y, x = np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float)

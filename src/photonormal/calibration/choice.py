@@ -24,6 +24,8 @@ AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, 
 TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
 TELLS = 0.85  # and from which it tells the sphere's circle from others
 AS_DARK = (0.2, 0.004)  # how much less it may be, as part of what the best circle lacks, and absolute
+CLOSE = 0.1  # distance and difference of radii, in radii, of a circle of edges that corrects one of shadows
+CORRECTS = (2.0, 0.01)  # what it may lack in explaining shadows, in terms of what the other lacks, and absolute
 ODD = (0.3, 3.0)  # part of the shading that the lights leave unexplained, and times what any lights would
 TOLD_DEG = 5.0  # mean angle between the lights of two circles that is worth telling
 
@@ -108,9 +110,27 @@ def best_of(around: list[Found], survey: Survey, where: str) -> Found:
         return _best_shaded([f for f in around if f.circle.confidence >= CONFIDENCE] or around, survey, where)
     least = most - AS_DARK[0] * (1 - most) - AS_DARK[1]
     chosen = max((f for f in around if f.shadows >= least), key=lambda f: f.circle.confidence)
+    chosen = _between(chosen, around)
     shown = np.isfinite(chosen.xy).all(1)
     left, _ = unexplained(survey.shading([chosen.circle])[shown], directions(chosen.circle, chosen.xy[shown])[0])
     return replace(chosen, supported=True, unexplained=left if np.isfinite(left) else ODD[0])
+
+
+def _between(cast: Found, around: list[Found]) -> Found:
+    """A circle that only shadows tell, and the surest one of edges close by: their mean, weighted by confidence."""
+    a = cast.circle
+    least = 1 - CORRECTS[0] * (1 - cast.shadows) - CORRECTS[1]
+    close = [
+        f.circle
+        for f in around
+        if f.shadows >= least and np.hypot(f.circle.x - a.x, f.circle.y - a.y) + abs(f.circle.r - a.r) < CLOSE * a.r
+    ]
+    b = max((c for c in close if c.residual_px > 0), key=lambda c: c.confidence, default=a)
+    if a.residual_px > 0 or b.confidence < CONFIDENCE / 2:
+        return cast
+    w = b.confidence / max(a.confidence + b.confidence, 1e-9)
+    x, y, r = ((1 - w) * m + w * n for m, n in ((a.x, b.x), (a.y, b.y), (a.r, b.r)))
+    return replace(cast, circle=replace(b, x=x, y=y, r=r, confidence=max(a.confidence, b.confidence)))
 
 
 def _best_shaded(around: list[Found], survey: Survey, where: str) -> Found:

@@ -37,13 +37,22 @@ class Circle:
     def check_inside(self, shape: Sequence[int], where: str) -> None:
         """Raise SphereError where the frame (h, w) cuts the sphere."""
         h, w = shape[:2]
-        beyond = self.r - min(self.x, self.y, w - 1 - self.x, h - 1 - self.y)
-        if beyond > 0.02 * self.r + 1:
+        if self.cut(shape):
             raise SphereError(
-                f"the sphere in {where} at {self} is cut by the border ({beyond:.0f} of its {self.r:.0f} pixels of "
-                f"radius lie outside the frame of {w} x {h}) but its whole outline is needed; photograph it whole.",
+                f"the sphere in {where} at {self} is cut by the border ({self.beyond(shape):.0f} of its {self.r:.0f} "
+                f"pixels of radius lie outside the frame of {w} x {h}) but its whole outline is needed; photograph it "
+                "whole.",
                 (self,),
             )
+
+    def beyond(self, shape: Sequence[int]) -> float:
+        """By how many pixels it leaves the frame (h, w)."""
+        h, w = shape[:2]
+        return self.r - min(self.x, self.y, w - 1 - self.x, h - 1 - self.y)
+
+    def cut(self, shape: Sequence[int]) -> bool:
+        """Whether the frame (h, w) cuts it."""
+        return self.beyond(shape) > 0.02 * self.r + 1
 
     def inside(self, shape: Sequence[int], part: float = 1.0) -> Bool[np.ndarray, "h w"]:
         """Pixels within `part` of the radius."""

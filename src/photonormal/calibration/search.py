@@ -61,7 +61,7 @@ def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Se
     balls.sort(key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]))
     chosen, others = balls[:count], balls[count:]
     if len(chosen) < count:
-        raise _refusal(looked, len(chosen), count, where)
+        raise _refusal(looked, len(chosen), count, where, survey.shape)
     for f in chosen:
         f.circle.check_inside(survey.shape, where)
     if others:
@@ -162,19 +162,19 @@ def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
     return xy, mirrored if moves else 0.0
 
 
-def _refusal(looked: list[Found], found: int, count: int, where: str) -> SphereError:
+def _refusal(looked: list[Found], found: int, count: int, where: str, shape: tuple[int, int]) -> SphereError:
     best = max(looked, key=lambda f: (f.circle.confidence >= CONFIDENCE, f.mirrored, f.circle.confidence), default=None)
+    advice = "give --circle x,y,r in pixels from the upper left, or --sphere with a folder that holds a mask of it, too"
     tried = "no edges"
     if best is not None:
         c = best.circle
-        tried = (
-            f"the best circle at {c} has a confidence of {c.confidence:.2f}, {CONFIDENCE} is needed"
-            if c.confidence < CONFIDENCE
-            else f"the circle at {c} mirrors the light in {100 * best.mirrored:.0f} % of the pictures, "
-            f"{100 * MIRRORS:.0f} % are needed"
-        )
-    return SphereError(
-        f"{found} of {count} mirror spheres were found in {where} ({tried}); "
-        "give --circle x,y,r in pixels from the upper left, or --sphere with a folder that holds a mask of it, too.",
-        () if best is None else (best.circle,),
-    )
+        tried = f"the best circle at {c} has a confidence of {c.confidence:.2f}, {CONFIDENCE} is needed"
+        if c.confidence >= CONFIDENCE:
+            tried = (
+                f"the circle at {c} mirrors the light in {100 * best.mirrored:.0f} % of the pictures, "
+                f"{100 * MIRRORS:.0f} % are needed"
+            )
+            if best.mirrored > 0 and c.cut(shape):
+                tried, advice = f"{tried}, and the border cuts it", f"photograph the sphere whole, or {advice}"
+    circles = () if best is None else (best.circle,)
+    return SphereError(f"{found} of {count} mirror spheres were found in {where} ({tried}); {advice}.", circles)

@@ -123,11 +123,13 @@ def main() -> None:
 
 @contextmanager
 def scheduler(workers: int) -> Iterator[str]:
-    """The address of a cluster of this machine, whose workers have one thread each."""
+    """The address of a cluster of this machine, whose workers have one thread and half of the free memory each."""
+    import psutil
     from distributed import LocalCluster
 
+    half = psutil.virtual_memory().available // 2
     with LocalCluster(
-        n_workers=workers, threads_per_worker=1, memory_limit=None, dashboard_address="", silence_logs=50
+        n_workers=workers, threads_per_worker=1, memory_limit=half, dashboard_address="", silence_logs=50
     ) as cluster:
         yield cluster.scheduler_address
 

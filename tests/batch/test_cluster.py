@@ -54,7 +54,9 @@ def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeyp
     monkeypatch.setattr(parts, "LEAST", 16)
     monkeypatch.setattr(progress, "_told", None)
     monkeypatch.setattr(types, "_share", None)
-    solved = []
+    solved, threads = [], []
+    monkeypatch.setattr(cluster, "use_threads", threads.append)
+    monkeypatch.setattr(cluster, "_own_threads", lambda: 1)
     monkeypatch.setattr(cluster, "solve_part", lambda job, rows: solved.append(rows) or solve_part(job, rows))
     write_diligent(tmp_path / "vase", lambertian(sphere(64), ring(5, 60)))
     if broken:
@@ -64,6 +66,7 @@ def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeyp
     with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as client:
         (outcome,) = cluster._run(client, 0, 0.001, found, lambda *_: None, lambda *words: begun.append(words))
     assert sorted(rows.start for rows in solved) == [0, 37] and outcome.name == "vase"  # 32 below the top of the sphere
+    assert threads == [1, 1, 1, 2]  # the last with those of all, which have nothing to do
     if broken:  # it is measured by one, as if it were small, and its files are known
         assert outcome.kind == "input" and "003.png is truncated" in outcome.failure
         assert state_of(found[0].job).kind == "failed"

@@ -6,11 +6,12 @@ import logging
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -141,9 +142,11 @@ def _run(
             begun(name, where)
 
     client.subscribe_topic(TOPIC, heard)
-    there = client.scheduler_info(n_workers=-1)["workers"].values()
-    resources = {GPU: 1} if any(GPU in w.get("resources", {}) for w in there) else None
+    there = client.scheduler_info(n_workers=-1)["workers"]
+    resources = {GPU: 1} if any(GPU in w.get("resources", {}) for w in there.values()) else None
     split = megapixels and Split(megapixels, len(there))
+    machines = Counter(worker["host"] for worker in there.values())
+    shares = {where: machines[worker["host"]] for where, worker in there.items()}
 
     def submit(task: Callable[..., Any], named: Named, *more: Any, priority: int = 0) -> Any:
         words = _absolute(named), program(), nbytes, *more
@@ -173,7 +176,7 @@ def _run(
                 outcome = Outcome(named.name, 0.0, failure, "killed")
             if isinstance(outcome, Large):  # before captures that have not begun
                 parts = [submit(_solve, named, rows, priority=1) for rows in outcome.rows]
-                whole = submit(_measure, named, None, parts, priority=1)
+                whole = submit(_measure, named, None, parts, {} if futures else shares, priority=1)
                 futures[whole] = named
                 coming.add(whole)
             else:
@@ -203,12 +206,18 @@ def _absolute(named: Named) -> Named:
 
 
 def _measure(
-    named: Named, needed: Program, nbytes: int, split: Split | None, parts: Sequence[Part | Exception] = ()
+    named: Named,
+    needed: Program,
+    nbytes: int,
+    split: Split | None,
+    parts: Sequence[Part | Exception] = (),
+    shares: Mapping[str, int] = {},
 ) -> Outcome | Large:
     """What a worker does with a capture, or with what others have found of its rows. Where one of them has failed, it
-    does all by itself, and tells what fails again."""
+    does all by itself, and tells what fails again. `shares` of its machine that it may use, by its address: as many as
+    there are workers, where none of them has anything else to do."""
     try:
-        with _at_work(named, needed, nbytes, begins=not parts):
+        with _at_work(named, needed, nbytes, begins=not parts, shares=shares):
             if split:
                 with suppress(Exception):  # which fails again
                     rows = divided(named.job, *split)
@@ -234,10 +243,16 @@ class OtherProgram(Exception):
 
 
 @contextmanager
-def _at_work(named: Named, needed: Program, nbytes: int, begins: bool = False, tells: bool = True) -> Iterator[None]:
+def _at_work(
+    named: Named,
+    needed: Program,
+    nbytes: int,
+    begins: bool = False,
+    tells: bool = True,
+    shares: Mapping[str, int] = {},
+) -> Iterator[None]:
     """A worker works on one thing at a time, and tells how far it is; OtherProgram if it has come with another
     photonormal after the others were asked."""
-    import torch
     from distributed import get_worker
 
     worker = get_worker()
@@ -260,5 +275,13 @@ def _at_work(named: Named, needed: Program, nbytes: int, begins: bool = False, t
         if begins:
             worker.log_event(TOPIC, (named.name, worker.address))
         progress.tell_to(tell)
-        use_threads(torch.get_num_threads())
+        use_threads(_own_threads() * shares.get(worker.address, 1))
         yield
+
+
+@cache
+def _own_threads() -> int:
+    """Those of a worker's computations, as Dask began it."""
+    import torch
+
+    return torch.get_num_threads()

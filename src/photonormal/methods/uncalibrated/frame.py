@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Bool, Float
@@ -89,11 +90,26 @@ def of_curl() -> Float[Tensor, "5 9"]:
     return D.flatten(1)
 
 
+class Curl(NamedTuple):
+    """Of q pixels: `r`, the curl that is left; `J`, what the five numbers take away; its weight; where."""
+
+    J: Float[Tensor, "q 5"]
+    r: Float[Tensor, " q"]
+    weight: Float[Tensor, " q"]
+    whole: Bool[Tensor, "i j"]
+
+
 def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Evidence | None:
     """What (1 + D), D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1], takes the curl of N's slopes away.
 
     None where too few normals have neighbours.
     """
+    told = curl_of(N, inside)
+    return None if told is None else fitted(of_curl(), told.J, told.r, told.weight, part_of(told.whole))
+
+
+def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None:
+    """The curl of N's slopes, to first order in the map's five numbers; None where too few normals have neighbours."""
     map = on_map(N.double(), inside)
     there = map[..., 2] > STEEP
     k = STEP
@@ -109,7 +125,7 @@ def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Evidence | Non
     Y = torch.linalg.cross(b, ((above - below) / (2 * k))[whole]) / z2
     J = torch.stack([-Y[:, 0], -Y[:, 2], -X[:, 1], -X[:, 2], (Y[:, 1] - X[:, 0]) / 2], dim=1)  # (q, 5)
     size = 1e-3 + X.norm(dim=1) + Y.norm(dim=1)
-    return fitted(of_curl(), J, -(Y[:, 1] + X[:, 0]), 1 / size, part_of(whole))
+    return Curl(J, -(Y[:, 1] + X[:, 0]), 1 / size, whole)
 
 
 def facing(N: Float[Tensor, "p 3"]) -> Evidence:

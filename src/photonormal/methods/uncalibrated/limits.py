@@ -10,10 +10,6 @@ from photonormal.types import Capture, InputError
 
 LEAST = 6  # photographs; of fewer any lights explain nearly everything
 SPREAD_DEG = 4.0  # of lights, in the direction in which they differ least, below which normals can't be found
-CURVED_DEG = 2.0  # of normals, below which a surface is bent in one direction at most
-FLAT = (
-    "The surface is bent in one direction at most, like a cylinder, so the other direction of each light is uncertain."
-)
 
 
 def check(capture: Capture) -> None:
@@ -37,11 +33,6 @@ def refuse_narrow(L: Float[Tensor, "n 3"], name: str) -> None:
             f"bent in one direction only (lights differ by {narrow:.0f} degrees across it), and can't be measured; add "
             "photographs with the light from elsewhere, or give the lights."
         )
-
-
-def flatness(N: Float[Tensor, "p 3"]) -> tuple[str, ...]:
-    """What can't be told where normals that were found lie in about one plane; nothing where they don't."""
-    return () if spread_deg(N[N.norm(dim=1) > 0.5]) > CURVED_DEG else (FLAT,)
 
 
 def spread_deg(vectors: Float[Tensor, "n 3"]) -> float:

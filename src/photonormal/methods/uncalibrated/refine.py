@@ -10,9 +10,10 @@ from torch import Tensor
 from photonormal.geometry import angle_deg
 from photonormal.lighting import FoundLights
 from photonormal.methods.uncalibrated.frame import Believed
-from photonormal.methods.uncalibrated.limits import LEAST, check, flatness
+from photonormal.methods.uncalibrated.limits import LEAST, check
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals_under, rounds
 from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.untold import shape_of_lights
 from photonormal.progress import progress
 from photonormal.types import Capture
 
@@ -55,7 +56,9 @@ def refined(capture: Capture) -> FoundLights:
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))
     found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
     return FoundLights(
-        found, moved_deg=angle_deg(found, capture.known_lights()), notes=(HALFWAY,) * halfway + flatness(N)
+        found,
+        moved_deg=angle_deg(found, capture.known_lights()),
+        notes=(HALFWAY,) * halfway + shape_of_lights(N, shown.inside),
     )
 
 

@@ -8,9 +8,10 @@ from photonormal.lighting import FoundLights
 from photonormal.methods.learned.weights import LIGHTS, load, shipped
 from photonormal.methods.uncalibrated.frame import Believed
 from photonormal.methods.uncalibrated.guess import guess
-from photonormal.methods.uncalibrated.limits import check, flatness, refuse_narrow, spread_deg
+from photonormal.methods.uncalibrated.limits import check, refuse_narrow, spread_deg
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, rounds
 from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.untold import shape_of_lights, side_of_lights
 from photonormal.progress import progress
 from photonormal.shading import angle_deg, normalised
 from photonormal.types import Capture, InputError
@@ -49,12 +50,14 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
         "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
     )
     notes = [f"the lights were found from the photographs alone{alone}."]
-    if float(first.told_deg.mean()) > BROAD_DEG:
+    if doubtful := float(first.told_deg.mean()) > BROAD_DEG:
         notes.append(
             "Which way the light comes from is doubtful: what bulges may be a hollow, and relief too deep or too flat; "
             "compare the result with the object."
         )
-    notes += flatness(N)
+    notes += shape_of_lights(N, shown.inside)
+    if not doubtful:
+        notes += side_of_lights(N, shown.inside)
     if tint(shown) > TINTED:
         notes.append(
             "The lights differ in colour, and one intensity of each was found: colours of the albedo are wrong."

@@ -110,13 +110,13 @@ def best_of(around: list[Found], survey: Survey, where: str) -> Found:
         return _best_shaded([f for f in around if f.circle.confidence >= CONFIDENCE] or around, survey, where)
     least = most - AS_DARK[0] * (1 - most) - AS_DARK[1]
     chosen = max((f for f in around if f.shadows >= least), key=lambda f: f.circle.confidence)
-    chosen = _between(chosen, around)
+    chosen = corrected(chosen, around)
     shown = np.isfinite(chosen.xy).all(1)
     left, _ = unexplained(survey.shading([chosen.circle])[shown], directions(chosen.circle, chosen.xy[shown])[0])
     return replace(chosen, supported=True, unexplained=left if np.isfinite(left) else ODD[0])
 
 
-def _between(cast: Found, around: list[Found]) -> Found:
+def corrected(cast: Found, around: list[Found]) -> Found:
     """A circle that only shadows tell, and the surest one of edges close by: their mean, weighted by confidence."""
     a = cast.circle
     least = 1 - CORRECTS[0] * (1 - cast.shadows) - CORRECTS[1]

@@ -20,7 +20,8 @@ MISSING = 0.25  # part of the pictures that may lack a highlight
 ALIKE = 12  # pictures that tell how large the lights' reflections are
 NOTHING = 1e-6  # what no picture shows
 DISTINCT = 1.5  # how much farther a reflection stands out than the next, in most pictures, at a scale that tells it
-AS_BRIGHT, LARGER = 0.7, 3.0  # how far a broader reflection stands out, and its light, in terms of a finer one's
+AS_BRIGHT = 0.7  # how far a broader reflection stands out, as part of what stands out farthest
+LARGER = 3.0  # and its light, in that of a finer one
 LARGEST = 0.06  # part of the sphere's disc that a light's reflection covers at most
 
 
@@ -78,7 +79,7 @@ def _scale(seen: Sequence[Reflections], circle: Circle) -> int:
         return int(np.median(heights[..., 0] - heights[..., 1], axis=0).argmax())
     found = some[0]
     for k in some[1:]:
-        if height[k] > AS_BRIGHT * height[found] and flux[k] > LARGER * flux[found]:
+        if height[k] > AS_BRIGHT * height[some].max() and flux[k] > LARGER * flux[found]:
             spots = [h for h in (s.highlight(k) for s in seen) if h is not None]
             if np.median([_part(h, circle) / h.peak for h in spots]) < LARGEST:
                 found = k

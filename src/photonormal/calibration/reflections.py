@@ -9,10 +9,13 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.calibration.circle import Circle
+from photonormal.types import box_of
 
 RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
 WIDEST = 0.2  # largest scale, in radii, at which reflections are looked for
 SATURATED = 0.98  # of full scale
+CORE = 0.9  # part of a saturated peak above which a pixel belongs to a reflection; else half the way up
+OPENING = 0.7  # radius of the opening, as part of the largest disc inside a reflection
 TOPS = 4  # places of a picture that are looked at
 APART = 3.0  # distance, in scales, within which two places are one
 FEW_PX = 8  # pixels of a part below which its neighbours help to find its middle
@@ -134,12 +137,20 @@ class Reflections:
         return replace(self._spot(k, top), rival=rival, rivals=tuple((s.x, s.y) for s in rivals))
 
     def _spot(self, k: int, top: int) -> Highlight:
-        """The reflection there: what exceeds half of the height to which it stands out at scale k."""
+        """The reflection there: what exceeds half of the height to which it stands out at scale k.
+
+        Its place is the middle of that; of a saturated one the middle of its core, as glare is no lamp.
+        """
         proud, smooth = self.proud(k), self.blurred(0)
         part = _part_at(proud > proud.flat[top] / 2, top)
-        x, y = _middle(proud, part)
         area, peak = int(part.sum()), float(smooth.flat[top] - self.blurred(k + 1).flat[top])
-        saturated = float(smooth.flat[top]) >= SATURATED * (1 - float(self.static.flat[top]))
+        brightest = int(np.where(part, smooth, -1).argmax())
+        saturated = float(smooth.flat[brightest]) >= SATURATED * (1 - float(self.static.flat[brightest]))
+        if saturated:
+            threshold = CORE * smooth.flat[brightest]
+            x, y = _centroid(smooth - threshold, _part_at(smooth > threshold, brightest))
+        else:
+            x, y = _middle(proud, part)
         return Highlight(x, y, area, peak, area * peak, saturated)
 
 
@@ -176,3 +187,17 @@ def _middle(proud: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) -> t
     if c >= 0 or np.hypot(a, b) > -2 * c:  # no peak within a pixel
         return x, y
     return float(x - a / (2 * c)), float(y - b / (2 * c))
+
+
+def _centroid(weights: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) -> tuple[float, float]:
+    """Weighted centre (x, y) of a part without its streaks, which morphological opening cuts off."""
+    import cv2
+
+    box = box_of(part, 1)
+    blob = part[box].astype(np.uint8)
+    depth = cv2.distanceTransform(np.pad(blob, 1), cv2.DIST_L2, 5)[1:-1, 1:-1]  # pixels to the edge
+    radius = OPENING * depth.max()
+    opened = (cv2.distanceTransform((depth < radius).astype(np.uint8), cv2.DIST_L2, 5) < radius) & (blob > 0)
+    row, column = np.nonzero(opened)
+    w = weights[box][row, column]
+    return float((column * w).sum() / w.sum() + box[1].start), float((row * w).sum() / w.sum() + box[0].start)

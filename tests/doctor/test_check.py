@@ -98,6 +98,18 @@ def test_saturation_names_the_pictures(right):
     assert [f.numbers["pictures"] for f in found if f.kind == "saturation"] == [["IMG_4.png"]]
 
 
+def test_white_samples_are_no_other_light(right):
+    images = (2.2 * np.asarray(right.images)).clip(0, 1)
+    found = check(replace(right, images=images, saturation=np.ones((len(LIGHTS), 1))))
+    assert [f.kind for f in found] == ["saturation"] and found[0].grave
+
+
+def test_a_black_ground_is_not_what_lies_in_the_dark(right):
+    small = np.zeros((len(LIGHTS), 120, 120, 1), np.float32)
+    small[:, 24:96, 24:96] = right.images
+    assert kinds(replace(right, images=small.clip(0.0), mask=np.ones((120, 120), bool), truth=None)) == {"mask"}
+
+
 def test_a_lamp_that_was_off_is_named(right):
     images = np.array(right.images)
     images[5] = 0.001

@@ -160,6 +160,26 @@ def test_shine_of_a_rough_plate_is_no_brightness_of_its_lights(strength, exponen
     assert found.grave and "differ from those given" in found.message
 
 
+@pytest.mark.parametrize(
+    ("strokes", "sheen", "exponent"), [(0.15, 0.6, 60), (0.4, 0.3, 60), (0.4, 0.6, 60), (0.15, 0.3, 60)]
+)
+def test_a_varnished_panel_is_left_alone(strokes, sheen, exponent):
+    """It is flat: its shine follows where a light stands, as a factor for each light would, or other angles."""
+    import cv2
+
+    g = np.random.default_rng(3)
+    lights = normalised(np.concatenate([g.uniform(-0.5, 0.5, (24, 2)), np.ones((24, 1))], axis=1))
+    z_y, z_x = np.gradient(strokes * cv2.GaussianBlur(g.standard_normal((80, 80)), (0, 0), 1.5))
+    N = normalised(np.stack([-z_x, z_y, np.ones_like(z_x)], axis=-1))
+    paint = 0.2 + 0.5 * (cv2.GaussianBlur(g.random((80, 80)), (0, 0), 5) > 0.5)
+    half = normalised(lights + np.array([0, 0, 1]))
+    I = paint[..., None] * (N @ lights.T).clip(0) + sheen * (N @ half.T).clip(0) ** exponent
+    images = (I.transpose(2, 0, 1) / I.max())[..., None].astype(np.float32)
+    assert [
+        f for f in check(noisy(Capture(images, np.ones((80, 80), bool), lights))) if f.grave or f.lights is not None
+    ] == []
+
+
 def test_light_that_shadows_take_away_does_not_stay_on(right):
     """A surface that is brighter than a matt one wherever it is lit fits I = b.l + c, but its shadows are dark."""
     images = np.asarray(right.images)

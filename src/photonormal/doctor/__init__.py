@@ -26,13 +26,13 @@ def check(capture: Capture) -> list[Finding]:
     capture = as_capture(capture)
     s, names = samples.read(capture), list(capture.image_names)
     found = [Finding("reading", False, note) for note in capture.notes]
-    found += [*exposure.saturation(s, capture), *exposure.darkness(s, capture), *exposure.bits(s, capture)]
+    I, mask = samples.on_object(s)
+    white = exposure.saturation(s, capture)
+    found += [*white, *exposure.darkness(I, names), *exposure.bits(s, I, capture), *samples.no_mask(s.mask, mask)]
     if lie_otherwise := turned.turned(s.small, names):
         return sorted([*found, *lie_otherwise], key=lambda f: not f.grave)
     if capture.lights is not None and (s.I > 0).any():
         found += coverage.coverage(capture.lights)
-        I, mask = samples.on_object(s)
-        found += samples.no_mask(s.mask, mask)
         if capture.lamps is not None and capture.camera is not None:
             X = capture.camera.plane_mm(*capture.mask.shape)[s.grid][mask]
             given = Near(I, X, capture.lamps)
@@ -41,7 +41,8 @@ def check(capture: Capture) -> list[Finding]:
             given = Distant(I, capture.lights)
         lost = (given.levels > 0).any(axis=0) > (given.seen() > 0).any(axis=0)  # by lamps that shine elsewhere
         if not lost.any():
-            other = explanations.explanation(given, mask, s.bits, capture.linearised)
+            cut = any(f.grave for f in white)  # samples that are white look as if other light was on
+            other = [] if cut else explanations.explanation(given, mask, s.bits, capture.linearised)
             if other and other[0].lights is not None:
                 given = Distant(I, other[0].lights)
             if other and other[0].kind == "encoding":
@@ -49,7 +50,7 @@ def check(capture: Capture) -> list[Finding]:
                 given = given.showing(change(given.levels / given.levels.max()))
             wrong, given = lights.disagreement(given, mask, names)
             found += [*wrong, *other]
-            if not other:  # which changes brightnesses by itself
+            if not other and not cut:  # which change brightnesses by themselves
                 found += lights.intensities(given, mask, names)
     found += motion.motion(s.small, s.scale, names)
     return sorted(found, key=lambda f: not f.grave)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.calibration.intensities import self_calibrated
 from photonormal.doctor.finding import Finding
 from photonormal.doctor.given import Given, Near
 from photonormal.doctor.misfit import MATT, Pixels
@@ -19,9 +20,10 @@ from photonormal.srgb import from_linear, to_linear
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
 BY_NORMALS = 0.94  # misfit with near lamps, as part of that with normals for places
-HALFWAY, PARTS_AGREE = 0.6, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
+HALFWAY, PARTS_AGREE = 0.3, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
 LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
-CORRECTED = 0.5  # misfit with twice the angles below which they are written
+BY_FACTORS = 1.05  # misfit with twice the angles, as part of that with a factor for each light
+CORRECTED = 0.25  # misfit with twice the angles below which they are written
 OFFSET, ENCODED = 0.7, 0.7  # misfit with light that stays on, and of linearised samples
 AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
 ON, OF_PIXELS = 0.1, 0.6  # that light, as part of full brightness, and the pixels that show most of it
@@ -172,7 +174,8 @@ def at_distance(
 def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
     """Directions are the normals of a mirror sphere where it shows the lamps: twice the angle to the axis fits best.
 
-    The corrected ones are told where little of the misfit is left.
+    A flat thing that shines does as if each light had an intensity of its own, which must not explain more. The
+    corrected ones are told where little of the misfit is left.
     """
     reflected = raised(L, 2.0)
     if reflected[:, 2].min() < BEHIND:
@@ -183,6 +186,9 @@ def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, 
         return None
     others = [pixels.gain(pixels.fit(raised(L, factor))[1], after) for factor in (LESS, MORE)]
     if any(other.left > 1 for other in others):
+        return None
+    e, _ = self_calibrated(pixels.I, L)  # as a flat thing shines under each light
+    if pixels.gain(pixels.showing(pixels.I / e).fit(L)[1], after).left > BY_FACTORS:
         return None
     message = (
         "the lights' directions are halfway to the right ones: doubling their angles to the camera's axis fits "

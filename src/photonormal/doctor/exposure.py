@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+from jaxtyping import Float
 
 from photonormal.doctor.finding import Finding, listed
 from photonormal.doctor.samples import Samples
@@ -33,22 +36,22 @@ def saturation(samples: Samples, capture: Capture) -> list[Finding]:
     ]
 
 
-def darkness(samples: Samples, capture: Capture) -> list[Finding]:
-    """Pictures without light, and objects that most pictures leave black."""
+def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]:
+    """Pictures without light, and objects that most pictures leave black, by grey levels of the object."""
     found = []
-    black = np.flatnonzero(samples.I.mean(0) < BLACK * np.median(samples.I.mean(0)))
+    black = np.flatnonzero(I.mean(0) < BLACK * np.median(I.mean(0)))
     if black.size:
-        names = [capture.image_names[j] for j in black]
+        off = [names[j] for j in black.tolist()]
         found.append(
             Finding(
                 "darkness",
                 True,
-                f"{len(black)} pictures are black ({listed(names)}): their lamps were off or point elsewhere; leave "
+                f"{len(black)} pictures are black ({listed(off)}): their lamps were off or point elsewhere; leave "
                 "them and their lights out, or photograph them again.",
-                {"pictures": names},
+                {"pictures": off},
             )
         )
-    lit = np.delete(samples.I, black, axis=1)
+    lit = np.delete(I, black, axis=1)
     dark = float(((lit <= 0).mean(1) > MOSTLY).mean()) if lit.size else 0.0
     if dark > ZERO:
         found.append(
@@ -63,12 +66,12 @@ def darkness(samples: Samples, capture: Capture) -> list[Finding]:
     return found
 
 
-def bits(samples: Samples, capture: Capture) -> list[Finding]:
-    """Pictures of eight bits, and whether they hold enough of them."""
+def bits(samples: Samples, I: Float[np.ndarray, "p n"], capture: Capture) -> list[Finding]:
+    """Pictures of eight bits, and whether they hold enough of them, by grey levels of the object, too."""
     if samples.bits != 8:
         return []
     level = float(np.median(samples.level))
-    clipped = float(samples.saturated.mean()) > SATURATED / 5 or float(samples.zero.mean()) > CLIPPED
+    clipped = float(samples.saturated.mean()) > SATURATED / 5 or float((I <= 0).mean()) > CLIPPED
     dim = level < DIM
     if not (dim or clipped):
         return []

@@ -138,8 +138,8 @@ def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
     if curl.total(usual) <= AS_GOOD * curl.total(best) and usual != GIVEN:
         best = usual
     # Parallel folds mirrored about their own direction look as they did, so lights that are a little off fit a mirrored
-    # frame better than the given one, but not better than one turned a little.
-    meant = min(SMALL, key=curl.total) if best.mirrored else GIVEN
+    # frame better than the given one, but not better than one turned a little. Shine turns slopes a little, too.
+    meant = min(SMALL, key=curl.total)
     given, least = curl.total(meant), curl.total(best)
     numbers = {"curl": round(curl.total(GIVEN), 4), "curl_best": round(min(given, least), 4)}
     if given > WORSE * least and curl.certainty(meant, best) > CERTAIN:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Bool, Int
+from jaxtyping import Bool, Float, Int
 
 from photonormal.calibration.intensities import SHADOW, robust_normals, self_calibrated
 from photonormal.doctor.finding import Finding, listed
@@ -24,7 +24,7 @@ EXPLAINED = 0.4  # of the misfit is left at most with those factors
 ANGLES_DEG = 6.0  # between a normal and the direction halfway to the light, by which orientations are told apart
 ORIENTATIONS = 5  # of them at least: fewer may all shine
 ELSEWHERE = 0.7  # of the logarithm of a factor at half of the samples, that is left at those farther from shine
-SHINING = 0.9  # correlation of factors with the lights' z, as shine of what faces the camera has
+SHINING = 0.85  # of the variance of factors that follows the lights' directions smoothly, as shine of what is flat does
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
 
@@ -99,7 +99,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts.
 
     Shine brightens a picture where normals are halfway to its light, an intensity wherever they point. Shine of what
-    faces the camera brightens pictures the more, the nearer their lights are to its axis.
+    is flat brightens pictures by where their lights stand.
     """
     pixels, L = Pixels.of(given.seen(), mask), given.directions()
     if pixels is None:
@@ -131,7 +131,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
 
     spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
     if spread > np.log(OFF):
-        if np.corrcoef(np.log(factor), L[:, 2])[0, 1] > SHINING:
+        if smooth(np.log(factor), L) > SHINING:
             return []
         before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
         smoother = judged(even).curl < LESS_CURL * judged(before).curl
@@ -159,3 +159,11 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     if factor[off].min() < 1 / SPOILS:
         message += " What is far darker shows other light, with its lamp off."
     return [Finding("intensities", bool(np.abs(np.log(factor[off])).max() > np.log(SPOILS)), message, numbers)]
+
+
+def smooth(v: Float[np.ndarray, " n"], L: Float[np.ndarray, "n 3"]) -> float:
+    """Part of the variance of v that a quadratic polynomial in the lights' x and y tells, beyond what chance does."""
+    x, y = L[:, 0], L[:, 1]
+    A = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
+    left = ((v - A @ np.linalg.lstsq(A, v, rcond=None)[0]) ** 2).sum() / max(len(v) - A.shape[1], 1)
+    return 1 - float(left / v.var(ddof=1))

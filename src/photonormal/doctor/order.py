@@ -17,7 +17,7 @@ SUSPECT = 0.05  # misfit, 0 as low as three dimensions allow, 1 as bad as chance
 BETTER = 0.5  # misfit of another order, as part of the given one's, at which it is reported
 AT_LEAST = 0.06  # and by how much it has to fall
 EQUAL = 0.02  # misfits that differ by less are the same
-GOOD = 0.4  # misfit that another order has at most
+GOOD, FREE = 0.4, 0.12  # misfit that another order has at most, and one that no simple rule makes: some fit by chance
 NEIGHBOURS_DEG = 10.0  # between lights whose exchange changes little
 FEW = 8  # lights of which an exchange of two changes the misfit by more than EQUAL; of more lights, by less
 PARTS = 8  # of the pixels, evenly spread, which have to agree on an order
@@ -75,6 +75,7 @@ class Orders:
         simple = [order for order, _ in simple_orders(names)]
         tried = [*simple, self.climb(given), *(self.climb(o) for o in self.matches())]
         misfit = np.array([(self.outside(o) - floor) / spread for o in tried])
+        misfit[len(simple) :][misfit[len(simple) :] > FREE] = np.inf
         best = misfit.min()
         if best > min(GOOD, BETTER * start) or start - best < AT_LEAST:
             return []

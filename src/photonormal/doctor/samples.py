@@ -16,6 +16,7 @@ PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighb
 MARGIN = 8  # pixels kept around the mask
 SMALL = 300  # longest side of the pictures that tell motion
 GROUND = 0.15  # of the object's brightness, below which the ground around it is dark
+CUT_OFF = 0.7  # part of the frame's rim that is object, as part of the frame that is, above which it is none
 CAP = 0.995  # quantile of all samples above which they are cut: highlights say nothing of the order
 
 
@@ -28,7 +29,7 @@ class Samples:
     I : (p, n) grey levels on the grid's pixels inside the mask
     mask : (h, w) bool, the grid
     grid : its rows and columns in the photographs
-    saturated, zero : (n,) fraction of the mask's samples
+    saturated : (n,) fraction of the mask's samples
     level : (n,) median grey level inside the mask, as a fraction of full scale
     small : (n, a, b) grey pictures of the mask's box at `scale`
     bits : 8, 12 or 16 that the samples really use; None for floats
@@ -38,7 +39,6 @@ class Samples:
     mask: Bool[np.ndarray, "h w"]
     grid: tuple[slice, slice]
     saturated: Float[np.ndarray, " n"]
-    zero: Float[np.ndarray, " n"]
     level: Float[np.ndarray, " n"]
     small: Float[np.ndarray, "n a b"]
     scale: float
@@ -58,17 +58,16 @@ def read(capture: Capture) -> Samples:
     bands = row_bands(np.ones((rows.stop - rows.start, columns.stop - columns.start), bool))
     kind = np.dtype(getattr(capture.images, "dtype", np.float32))
 
-    def one(j: int) -> tuple[np.ndarray, float, float, float, np.ndarray, int]:
+    def one(j: int) -> tuple[np.ndarray, float, float, np.ndarray, int]:
         white = np.inf if capture.saturation is None else capture.saturation[j]
         full = 1.0 if capture.saturation is None else float(np.mean(capture.saturation[j]))
         grey = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
-        saturated, zero, on_grid = 0.0, 0.0, []
+        saturated, on_grid = 0.0, []
         for band in bands:
             at = slice(rows.start + band.start, rows.start + band.stop)
             image = capture.window(j, at, columns)
             inside = picked(image, mask[at, columns])  # (q, c)
             saturated += np.count_nonzero(inside >= white * (1 - 1e-5)) / inside.shape[1]
-            zero += np.count_nonzero(inside <= 0) / inside.shape[1]
             grey[band] = cv2.transform(image, np.full((1, image.shape[2]), 1 / image.shape[2], np.float32))
             first = (object_rows.start - at.start) % step, object_columns.start - columns.start
             some = np.s_[first[0] :: step, first[1] :: step]
@@ -77,20 +76,18 @@ def read(capture: Capture) -> Samples:
         return (
             inside.mean(-1),
             saturated / count,
-            zero / count,
             float(np.median(inside)) / full,
             _small(grey, scale),
             _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
         )
 
-    I, saturated, zero, level, small, bits = zip(*capture.each_image(one), strict=True)
+    I, saturated, level, small, bits = zip(*capture.each_image(one), strict=True)
     levels = np.stack(I, axis=-1).astype(np.float64)
     return Samples(
         np.minimum(levels, np.quantile(levels, CAP)),
         mask[grid],
         grid,
         np.array(saturated),
-        np.array(zero),
         np.array(level),
         np.stack(small),
         scale,
@@ -103,7 +100,7 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
 
     The ground is seldom lit as evenly as the tests of the lights suppose, and has no outline.
     """
-    if not samples.mask.all():
+    if not samples.mask.all() or not (samples.I > 0).any():
         return samples.I, samples.mask
     try:
         mask = mask_from_shading(samples.I.T.reshape(-1, *samples.mask.shape))
@@ -112,7 +109,7 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
     level = np.quantile(samples.I, 0.9, axis=1)
     edge = np.ones_like(mask)
     edge[1:-1, 1:-1] = False
-    if mask[edge].mean() > mask.mean():
+    if mask[edge].mean() > CUT_OFF * mask.mean():
         return samples.I, samples.mask  # patches of what fills the frame
     if mask.all() or np.median(level[~mask.ravel()]) > GROUND * np.median(level[mask.ravel()]):
         return samples.I, samples.mask  # paint, or a shining spot

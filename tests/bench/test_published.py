@@ -51,4 +51,4 @@ def test_others_are_named_once():
 
 
 def test_rows_are_of_methods_that_exist_or_will():
-    assert {r.method for r in published()} - {""} <= set(METHODS) | {"spline-net"}
+    assert {r.method for r in published()} - {""} <= set(METHODS)

@@ -23,6 +23,7 @@ METHODS = {  # name -> "module:Class", imported only when asked for
     "dr-psn": "photonormal.methods.learned.drpsn:DRPSN",
     "attention-psn": "photonormal.methods.learned.attentionpsn:AttentionPSN",
     "cnn-ps": "photonormal.methods.learned.cnnps:CNNPS",
+    "spline-net": "photonormal.methods.learned.splinenet:SPLINENetMethod",
     "lmps": "photonormal.methods.learned.lmps:LMPS",
     "dpsn": "photonormal.methods.learned.dpsn:DPSN",
     "sdps": "photonormal.methods.learned.sdps:SDPS",
@@ -118,7 +119,7 @@ def solve(capture: Capture, method: str = DEFAULT, device: str = "auto", **optio
     ----------
     capture : photographs, mask and light directions
     method : networks: normalnet, lambertian-prior, psfcn, psfcn-normalised, gps-net, dr-psn, attention-psn, cnn-ps,
-        lmps, dpsn, and sdps, which finds the lights; irps, which learns on the object, for minutes;
+        lmps, spline-net, dpsn, and sdps, which finds the lights; irps, which learns on the object, for minutes;
         classical: woodham, trimmed, l1, sbl, rpca, median, ransac, table, ward, consensus, monotonic, bipolynomial,
         bivariate
     device : "auto", "cpu", "cuda" or any torch device

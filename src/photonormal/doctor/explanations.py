@@ -19,7 +19,7 @@ from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-BY_NORMALS = 0.94  # misfit with near lamps, as part of that with normals for places
+BY_NORMALS = 0.965  # misfit with near lamps, as part of that with normals for places
 HALFWAY, PARTS_AGREE = 0.3, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
 LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
 BY_FACTORS = 1.05  # misfit with twice the angles, as part of that with a factor for each light

@@ -29,13 +29,18 @@ def preview(
 ) -> np.ndarray:
     """One 8-bit RGB picture: photograph, normals, relit from the upper left, albedo and, if given, the error map.
 
-    All are reduced first, so that large frames take no memory. `photograph` is linear (h, w, 1 or 3), cut to the `box`
-    of the frame that is shown; `albedo` (h, w, 3) is linear and shown white at `white`; `error` (h, w, 3) 8-bit. Each
-    part stands under its name.
+    All are reduced first, so that large frames take no memory. `photograph` is linear (i, j, 1 or 3), cut to the `box`
+    of the frame that is shown, in its size or smaller; `albedo` (h, w, 3) is linear and shown white at `white`; `error`
+    (h, w, 3) 8-bit. Each part stands under its name.
     """
-    image, map, rho = (_reduced(v) for v in (photograph, normals.map[box], albedo[box]))
+    import cv2
+
+    map, rho = (_reduced(v) for v in (normals.map[box], albedo[box]))
     mask = _reduced(normals.mask[box].astype(np.float32)) > 0.5
     map = np.where(mask[..., None], map / np.linalg.norm(map, axis=-1, keepdims=True).clip(1e-6), 0)
+    image = photograph
+    if image.shape[:2] != mask.shape:
+        image = cv2.resize(image, mask.shape[::-1], interpolation=cv2.INTER_AREA)
     image = image.reshape(*mask.shape, -1)
     image = image / max(float(np.quantile(image[mask], 0.99)), 1e-6)
     panels = {

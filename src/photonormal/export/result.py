@@ -16,7 +16,7 @@ from photonormal.export.labels import with_scale
 from photonormal.export.lights import lp, table
 from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
-from photonormal.export.pictures import MARGIN, preview, thumbnail
+from photonormal.export.pictures import MARGIN, PREVIEW_HEIGHT, preview, thumbnail
 from photonormal.png import SRGB, encode_png
 from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface, box_of, cores
@@ -114,7 +114,22 @@ def albedo_png(albedo: np.ndarray, white: float, linear: bool) -> bytes:
 
 
 def photograph(result: Result, box: tuple[slice, slice]) -> np.ndarray:
-    """A part of the photograph (h, w, c) under the light nearest to the camera, which shows most; linear."""
-    capture = result.capture
+    """A part of the photograph (h, w, c) under the light nearest to the camera, which shows most; linear.
+
+    Large ones as means over squares of pixels, so that few rows are held at a time.
+    """
+    capture, (rows, columns) = result.capture, box
     lights = capture.lights if result.lights is None else result.lights
-    return capture.window(0 if lights is None else int(np.argmax(lights[:, 2])), *box)
+    j = 0 if lights is None else int(np.argmax(lights[:, 2]))
+    step = max(1, (rows.stop - rows.start) // (2 * PREVIEW_HEIGHT))
+    if step == 1:
+        return capture.window(j, rows, columns)
+    tops = range(rows.start, rows.stop - step + 1, step * ROWS)
+    spans = [slice(top, min(top + step * ROWS, rows.stop)) for top in tops]
+    return np.concatenate([means(capture.window(j, span, columns), step) for span in spans])
+
+
+def means(picture: np.ndarray, step: int) -> np.ndarray:
+    """Of squares of `step` pixels a side; what is left over at the end is left out."""
+    h, w = (side // step for side in picture.shape[:2])
+    return picture[: h * step, : w * step].reshape(h, step, w, step, -1).mean((1, 3))

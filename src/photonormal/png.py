@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import BinaryIO
 
 import numpy as np
 
 START = b"\x89PNG\r\n\x1a\n"
 HEADER_END = 33  # bytes of the start and of the first chunk, which tells the size
+ROWS = 256  # made at a time
 LONGEST = 2**16  # bytes of a chunk that is read as a remark
 SRGB = {b"sRGB": b"\x00"}  # samples are sRGB-encoded
 
@@ -25,6 +26,23 @@ def encode_png(picture: np.ndarray, chunks: dict[bytes, bytes] | None = None) ->
         return data
     parts = (_chunk(kind, content) for kind, content in chunks.items())
     return b"".join([data[:HEADER_END], *parts, data[HEADER_END:]])
+
+
+def by_rows(
+    rows: Callable[[slice], np.ndarray],
+    size: tuple[int, int],
+    dtype: np.dtype | type,
+    chunks: dict[bytes, bytes] | None = None,
+) -> Callable[[BinaryIO], None]:
+    """What writes a PNG of RGB samples into an open file, of which `rows` makes some rows at a time."""
+
+    def write(file: BinaryIO) -> None:
+        picture = PngRows(file, size, dtype, colour=True, chunks=chunks)
+        for top in range(0, size[0], ROWS):
+            picture.write(rows(slice(top, top + ROWS)))
+        picture.close()
+
+    return write
 
 
 class PngRows:

@@ -19,19 +19,20 @@ from photonormal.files.matlab import read_mat, shapes_of
 from photonormal.files.opening import read_npz
 from photonormal.files.remarks import remark
 from photonormal.geometry import FRAMES, from_frame, in_frame, known_frame
-from photonormal.masked import row_bands
-from photonormal.png import encode_png, text
+from photonormal.png import by_rows, text
 from photonormal.types import InputError, Normals
 
 FRAME = "photonormal-frame"  # the remark in a file that tells the frame of its normals
 
 
-def png(normals: Normals, frame: str) -> bytes:
+def png(normals: Normals, frame: str) -> Content:
     """16-bit RGB, (n + 1) / 2; black outside the mask."""
-    value = np.zeros(normals.map.shape, np.uint16)
-    for rows in row_bands(normals.mask):
-        value[rows] = np.rint((in_frame(normals.map[rows], frame) + 1) * 32767.5) * normals.mask[rows, :, None]
-    return encode_png(value, text(FRAME, frame))
+
+    def rows(some: slice) -> np.ndarray:
+        level = np.rint((in_frame(normals.map[some], frame) + 1) * 32767.5) * normals.mask[some, :, None]
+        return level.astype(np.uint16)
+
+    return by_rows(rows, normals.mask.shape, np.uint16, text(FRAME, frame))
 
 
 def exr(normals: Normals, frame: str) -> bytes:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.disk import Batch
+from photonormal.disk import Batch, Content
 from photonormal.export import encoded
 from photonormal.export.folder import report
 from photonormal.export.labels import with_scale
@@ -17,7 +17,7 @@ from photonormal.export.lights import lp, table
 from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, PREVIEW_HEIGHT, preview, thumbnail
-from photonormal.png import SRGB, encode_png
+from photonormal.png import SRGB, by_rows, encode_png
 from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface, box_of, cores
 
@@ -104,13 +104,14 @@ def pictures(result: Result, folder: Batch, white: float, linear_albedo: bool = 
         folder.write("expected-error.png", encode_png(with_scale(colours(normals.expected_error_deg))))
 
 
-def albedo_png(albedo: np.ndarray, white: float, linear: bool) -> bytes:
+def albedo_png(albedo: np.ndarray, white: float, linear: bool) -> Content:
     """16-bit, `white` and what is above it white."""
-    level = np.empty(albedo.shape, np.uint16)
-    for y in range(0, len(albedo), ROWS):
-        part = albedo[y : y + ROWS] / white
-        level[y : y + ROWS] = np.rint(65535 * part.clip(0, 1)) if linear else display(part, full=65535)
-    return encode_png(level, None if linear else SRGB)
+
+    def rows(some: slice) -> np.ndarray:
+        part = albedo[some] / white
+        return np.rint(65535 * part.clip(0, 1)) if linear else display(part, full=65535)
+
+    return by_rows(rows, albedo.shape[:2], np.uint16, None if linear else SRGB)
 
 
 def photograph(result: Result, box: tuple[slice, slice]) -> np.ndarray:

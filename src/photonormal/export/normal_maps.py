@@ -56,10 +56,11 @@ def encode_exr(channels: dict[str, np.ndarray], header: dict[str, str] | None = 
 def npz(normals: Normals, frame: str) -> Content:
     """`normals` float32 (h, w, 3), `mask` bool (h, w) and, where known, `expected_error_deg` float32 (h, w); `axes`,
     the frame's as photonormal.geometry.FRAMES has them, where it is not ours."""
-    arrays = {"normals": in_frame(normals.map, frame), "mask": normals.mask}
+    arrays = {"normals": normals.map, "mask": normals.mask}
     if normals.expected_error_deg is not None:
         arrays["expected_error_deg"] = normals.expected_error_deg
     if frame != "opengl":
+        arrays["normals"] = in_frame(normals.map, frame)
         arrays["axes"] = np.array(FRAMES[frame], np.int8)
     return partial(np.savez, allow_pickle=False, **arrays)  # type: ignore[arg-type]
 

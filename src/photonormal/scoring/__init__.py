@@ -12,6 +12,7 @@ from photonormal.geometry import angle_deg
 from photonormal.types import InputError, Normals
 
 SCALE_DEG = 45.0  # error that the last colour of every error map stands for
+ROWS = 256  # coloured at a time
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,10 @@ def colours(error: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 3"]:
     """Angles in degrees as `error_picture` colours them; white where there is none."""
     import cv2
 
-    level = np.nan_to_num(error / SCALE_DEG).clip(0, 1)
-    picture = cv2.applyColorMap((255 * level).round().astype(np.uint8), cv2.COLORMAP_CIVIDIS)[..., ::-1].copy()
-    picture[np.isnan(error)] = 255
+    picture = np.empty((*error.shape, 3), np.uint8)
+    for top in range(0, len(error), ROWS):
+        rows = slice(top, top + ROWS)
+        level = np.nan_to_num(error[rows] / SCALE_DEG).clip(0, 1)
+        picture[rows] = cv2.applyColorMap((255 * level).round().astype(np.uint8), cv2.COLORMAP_CIVIDIS)[..., ::-1]
+        picture[rows][np.isnan(error[rows])] = 255
     return picture

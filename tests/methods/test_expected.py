@@ -47,7 +47,7 @@ def told(capture: Capture, method: str) -> np.ndarray:
     return found.expected_error_deg
 
 
-UNCALIBRATED = {"irps", "sdps", "spline-net"}
+UNCALIBRATED = {"irps", "sdps"}
 
 
 def test_every_method_is_calibrated_but_those_that_are_known_not_to_be():

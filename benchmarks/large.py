@@ -158,9 +158,9 @@ def _forget_peak() -> None:
 def _peak_mb() -> float:
     try:
         line = next(s for s in Path("/proc/self/status").read_text().splitlines() if s.startswith("VmHWM"))
-        return int(line.split()[1]) / 1024
+        return int(line.split()[1]) * 1.024e-3
     except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1.024e-3
 
 
 def measured(capture: str, arguments: argparse.Namespace) -> None:

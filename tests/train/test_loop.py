@@ -71,7 +71,7 @@ def test_a_network_of_lights_learns_in_the_same_loop(tmp_path):
 
 @pytest.mark.parametrize("network", ["cnn-ps", "lmps", "spline-net"])
 def test_a_network_of_pixels_learns_from_some_of_them(network, tmp_path):
-    config = {"side": 8, "grown": 4, "hidden": 32}
+    config = {"side": 8, "grown": 4, "hidden": 32} | ({"width": 8, "blocks": 1} if network == "spline-net" else {})
     recipe = replace(TINY, network=network, config=config, priors=(), pixels=50, lr=3e-3, steps=60, validate=100)
     run(tmp_path, recipe)
     first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")

@@ -17,8 +17,8 @@ from jaxtyping import Bool, Float
 
 from photonormal.curl import Curl
 from photonormal.doctor.finding import Finding
-from photonormal.doctor.outline import Outline
 from photonormal.doctor.shadows import CastShadows
+from photonormal.outline import Outline
 
 SNAP_DEG, AS_GOOD = 20, 1.05  # a turn is a multiple of 45 degrees where one so near has a curl as low, up to a factor
 STEP_DEG, SMALL_DEG = 5, 15  # of the turns tried; those below the second are no mistake of a frame

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
@@ -10,11 +9,11 @@ from torch import Tensor
 
 from photonormal.methods.uncalibrated.frame import curl_of, on_map
 from photonormal.methods.uncalibrated.limits import spread_deg
+from photonormal.outline import Outline
 
 CURVED_DEG = 2.0  # of normals, below which a surface is bent in one direction at most
 IRREGULAR = 0.005  # least curl that a change of the lights makes, mean square, over what it is made of
 OUTWARDS = 0.5  # median of n.o along an outline where the surface turns away, o pointing outwards in the picture
-RIM, SMOOTH = 2, 2.0  # pixels inside the outline, and over which its direction is found
 FLAT = (
     "The surface is bent in one direction at most, like a cylinder, so the other direction of each light is uncertain."
 )
@@ -42,12 +41,8 @@ def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tup
 def side_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
     """Whether a bulge can't be told from a hollow: no matt shading, highlight or shadow of a surface on itself does,
     only an outline where it turns away from the camera, which is that of a bulge."""
-    mask = np.pad(inside.numpy().astype(np.float32), 2 * RIM)
-    down, right = np.gradient(cv2.GaussianBlur(mask, (0, 0), SMOOTH))
-    out = np.stack([-right, down], axis=-1)  # x right, y up
-    out /= np.linalg.norm(out, axis=-1, keepdims=True).clip(1e-9)
-    inner = cv2.erode(mask, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8))
-    map = np.pad(on_map(N, inside).numpy(), ((2 * RIM,) * 2, (2 * RIM,) * 2, (0, 0)))
-    rim = (mask > 0) & (inner == 0) & (np.linalg.norm(map, axis=-1) > 0.5)
-    leaning = (map[..., :2] * out).sum(-1)[rim]
-    return () if leaning.size and float(np.median(leaning)) > OUTWARDS else (HOLLOW,)
+    outline = Outline.of(on_map(N, inside).numpy(), inside.numpy())
+    if outline is None:
+        return (HOLLOW,)
+    leaning = (outline.n[:, :2] * outline.away).sum(-1)
+    return () if float(np.median(leaning)) > OUTWARDS else (HOLLOW,)

@@ -15,6 +15,7 @@ explain all of them clearly better once these are shifted back.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -107,25 +108,17 @@ class Pictures:
         Pictures under other lights look alike to a few of them; so the one that fits best is always laid next.
         """
         alike = self.gram**2 / np.outer(np.diag(self.gram), np.diag(self.gram)).clip(1e-12)
-        rest, r = list(range(len(self.detail))), self.reach
-        whole = np.stack([self._whole(j) for j in rest])
-        shown = np.zeros_like(whole)
-        at, laid = np.zeros((len(rest), 2), int), []
-        j = int(alike.sum(1).argmax())
-        while True:
-            rest.remove(j)
-            if not rest:
-                return at
-            u = self.at(j, *(at[j] + r)).ravel().astype(np.float64)
-            for v in laid:
-                u = u - (u @ v) * v
-            if len(laid) < RANK and np.linalg.norm(u) > 1e-6:
-                laid.append(u / np.linalg.norm(u))
-                for k in rest:
-                    shown[k] += self._like(k, laid[-1].reshape(self.core.shape[1:]))
-            part = shown[rest] / whole[rest]
-            j = rest[int(part.max((1, 2)).argmax())]
-            at[j] = np.array(np.unravel_index(int((shown[j] / whole[j]).argmax()), shown[j].shape)) - r
+        n, side = len(self.detail), 2 * self.reach + 1
+        whole = np.stack([self._whole(j) for j in range(n)]).reshape(n, -1)
+
+        def like(rest: Sequence[int], u: Float[np.ndarray, " q"]) -> Float[np.ndarray, "m places"]:
+            return np.stack([self._like(k, u.reshape(self.core.shape[1:])).ravel() for k in rest])
+
+        def there(j: int, place: int) -> Float[np.ndarray, " q"]:
+            return self.at(j, *divmod(place, side)).ravel()
+
+        at = laid_in_turn(alike, whole, there, like, first=side * self.reach + self.reach)
+        return np.stack(np.divmod(at, side), axis=1) - self.reach
 
     def shifted_back(self, group: Bool[np.ndarray, " n"], y: int, x: int) -> Pictures:
         """As if the pictures of a group had not been shifted by y down and x to the right."""
@@ -155,6 +148,42 @@ class Pictures:
         U = self.principal(among, j)
         change = np.log(self.rest(j, U, y, x) / self.rest(j, U, self.reach, self.reach))
         return clearly_less(change)
+
+
+def laid_in_turn(
+    alike: Float[np.ndarray, "n n"],
+    whole: Float[np.ndarray, "n places"],
+    there: Callable[[int, int], Float[np.ndarray, " q"]],
+    like: Callable[[Sequence[int], Float[np.ndarray, " q"]], Float[np.ndarray, "m places"]],
+    first: int = 0,
+) -> Int[np.ndarray, " n"]:
+    """Which of its places each picture is laid at, where those that were laid before explain it best.
+
+    The one that is most `alike` all others lies at its place `first`; the one that fits best is always laid next.
+
+    Parameters
+    ----------
+    whole : all detail of each picture at each place
+    there : a picture at a place
+    like : how much of some pictures, at each place, is like a unit vector
+    """
+    rest, laid = list(range(len(whole))), []
+    at, shown = np.full(len(whole), first), np.zeros_like(whole)
+    j = int(alike.sum(1).argmax())
+    while True:
+        rest.remove(j)
+        if not rest:
+            return at
+        u = there(j, int(at[j])).astype(np.float64)
+        for v in laid:
+            u = u - (u @ v) * v
+        if len(laid) < RANK and np.linalg.norm(u) > 1e-6:
+            laid.append(u / np.linalg.norm(u))
+            shown[rest] += like(rest, laid[-1])
+        part = shown[rest] / whole[rest]
+        best = int(part.max(1).argmax())
+        j = rest[best]
+        at[j] = int(part[best].argmax())
 
 
 def clearly_less(change: Float[np.ndarray, " parts"]) -> bool:

@@ -7,11 +7,13 @@ turned back.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, Int
 
 from photonormal.doctor.finding import Finding, listed
-from photonormal.doctor.motion import RANK, Pictures, clearly_less, fit_elsewhere, tell
+from photonormal.doctor.motion import Pictures, clearly_less, fit_elsewhere, laid_in_turn, tell
 
 EXPLAINED = 0.7  # detail of the turned pictures that the others leave unexplained once they are turned back, of before
 LOST = 0.5  # of their detail that is left unexplained as they are: what is round fits at any turn
@@ -44,23 +46,14 @@ def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
 
 
 def _laid(A: Float[np.ndarray, "k n q"]) -> Int[np.ndarray, " n"]:
-    """Which of the k versions of each picture fits those that were laid before; the one that fits best is laid next."""
+    """Which of the k versions of each picture fits those that were laid before."""
     size = (A[0] ** 2).sum(1).clip(1e-9)
     alike = np.max([(A[0] @ turned.T) ** 2 for turned in A], axis=0) / np.outer(size, size)
-    rest, at, laid = list(range(len(size))), np.zeros(len(size), int), []
-    shown, j = np.zeros(A.shape[:2]), int(alike.sum(1).argmax())
-    while True:
-        rest.remove(j)
-        if not rest:
-            return at
-        u = A[at[j], j].astype(np.float64)
-        for v in laid:
-            u = u - (u @ v) * v
-        if len(laid) < RANK and np.linalg.norm(u) > 1e-6:
-            laid.append(u / np.linalg.norm(u))
-            shown += (A @ laid[-1].astype(np.float32)) ** 2 / size
-        j = rest[int(shown[:, rest].max(0).argmax())]
-        at[j] = int(shown[:, j].argmax())
+
+    def like(rest: Sequence[int], u: Float[np.ndarray, " q"]) -> Float[np.ndarray, "m k"]:
+        return (A[:, rest] @ u.astype(np.float32)).T ** 2
+
+    return laid_in_turn(alike, np.tile(size[:, None], len(A)), lambda j, k: A[k, j], like)
 
 
 def turned(pictures: Float[np.ndarray, "n a b"], names: list[str]) -> list[Finding]:

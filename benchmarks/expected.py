@@ -31,7 +31,7 @@ from photonormal.methods import METHODS, configure, parse
 from photonormal.methods.contract import Method, Solution, Streaming
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.methods.expected import FILE, FITTED, MadeFor, evidence_of, linear, terms, with_expected_error
+from photonormal.methods.expected import FILE, FITTED, SHIFT, MadeFor, evidence_of, linear, terms, with_expected_error
 from photonormal.synth import Stream
 from photonormal.types import Camera, Lamps
 
@@ -198,15 +198,15 @@ def rising(x: np.ndarray, y: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.
     return np.array([np.average(x[p], weights=w[p]) for p in parts]), np.log(means)
 
 
-def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) -> None:
-    """Two rows for each method: expected and true errors of ten equal parts of the pixels."""
+def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str], shift: float) -> None:
+    """Two rows for each method: expected and true errors of ten equal parts of the pixels; `shift` is the truth's."""
     found: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {text: [] for text in methods}
     for whole in captures:
         for text in methods:
             if (both := solved(text, whole)) is None:
                 continue
             capture, normals, found_here = both
-            normals = with_expected_error(normals, found_here.told_deg, capture, method_of(text), CPU)
+            normals = with_expected_error(normals, found_here.told_deg, capture, method_of(text), CPU, shift)
             assert capture.truth is not None and normals.expected_error_deg is not None
             on = normals.mask & capture.truth.mask
             true = angle_deg(normals.map[on], capture.truth.map[on])
@@ -215,7 +215,7 @@ def deciles(label: str, captures: Iterable[pn.Capture], methods: Sequence[str]) 
         told, true = (np.concatenate(values) for values in zip(*pairs, strict=True))
         parts = np.array_split(np.argsort(told), 10)
         e, t = (np.array([v[p].mean() for p in parts]) for v in (told, true))
-        within = str(int((np.abs(e / t - 1) <= 0.2).sum()))
+        within = str(int((np.abs(e / t - 1) <= 0.25).sum()))
         print_row(text, f"{label}, expected", *[f"{v:.2f}" for v in e], f"{told.mean():.2f}", within)
         print_row("", f"{label}, true", *[f"{v:.2f}" for v in t], f"{true.mean():.2f}", "")
 
@@ -231,17 +231,18 @@ def main() -> None:
     args = parser.parse_args()
     if args.fit:
         return fit(args.scenes or 1000, args.methods.split(","))
-    print_row("method", "pixels", *[f"{10 * i} to {10 * i + 10} %" for i in range(10)], "all", "within 20 %")
+    print_row("method", "pixels", *[f"{10 * i} to {10 * i + 10} %" for i in range(10)], "all", "within 25 %")
     print_row(*["---"] * 14)
     methods = args.methods.split(",")
     distance = None if args.near is None else 2 * args.near
     lights = (args.lights, args.lights)
-    for rig, under_it in by_rig(methods).items():
-        rendered = scenes(args.scenes or 240, 12345, lights=lights, scenes=1, distance=distance, directions=rig)
-        deciles("rendered", rendered, under_it)
+    count = 240 if args.scenes is None else args.scenes
+    for rig, under_it in by_rig(methods).items() if count else ():
+        rendered = scenes(count, 12345, lights=lights, scenes=1, distance=distance, directions=rig)
+        deciles("rendered", rendered, under_it, 0.0)
     for name in OBJECTS if args.root else ():
         if (args.root / f"{name}PNG").is_dir():
-            deciles(name, [pn.load(args.root / f"{name}PNG")], methods)
+            deciles(name, [pn.load(args.root / f"{name}PNG")], methods, SHIFT)
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 What a pixel's samples say about its normal is put into a few numbers (`evidence`): how well a matt surface of that
 normal explains them, how much lies in shadow, how well the lights fix a normal, how far two cheap methods disagree;
 and what the method itself tells, where a network does. A calibration of each method, fitted to rendered scenes
-(`benchmarks/expected.py --fit`), maps them to a mean error.
+(`benchmarks/expected.py --fit`), maps them to a mean error. Of a real object its true normals are known no better than
+its scan lies on its pictures, which rendered ones can't teach: where the surface turns, that adds to the error.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from torch import Tensor
 
 from photonormal.masked import on_map, taken
 from photonormal.methods import name_of, options_of, parse
+from photonormal.methods.bend import bend_deg
+from photonormal.methods.between import between
 from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import Woodham, pairs, symmetric_inverse, symmetric_product
 from photonormal.methods.contract import Method
@@ -65,21 +68,27 @@ PRODUCTS = (  # that are terms, too
 FITTED = 3, 100  # images of the scenes that calibrations were fitted to
 EVERY, SPARSEST = 2**16, 4  # pixels up to which each one's error is found; rows and columns between them at most
 LARGEST = 2**22  # pixels whose evidence is held; of larger objects so many
+SHIFT = 0.35  # by which a real object's true normals lie beside its pictures, in parts of its size, `bend.PART`
 LEAST_TOLD = 0.1  # degrees that a method tells: less says nothing
-ROWS = 256  # of a map made at a time
 PIXELS = 2**20  # whose terms are held at a time
 DIM = Trimmed(lowest=0.0, highest=0.35)
 
 
 def with_expected_error(
-    normals: Normals, told_deg: Float[Tensor, " p"] | None, capture: Capture, method: Method, device: torch.device
+    normals: Normals,
+    told_deg: Float[Tensor, " p"] | None,
+    capture: Capture,
+    method: Method,
+    device: torch.device,
+    shift: float = SHIFT,
 ) -> Normals:
     """The normals that a method found, with how far each is expected to be off.
 
     By the method's calibration; where it has none for these options, what the method tells itself, `told_deg` of the
     pixels on the capture's mask, if it does.
     `capture` is the one that was solved, or that one with its near lamps evened out
-    (`photonormal.methods.engine.near.seen_as_distant`), which saves doing it again.
+    (`photonormal.methods.engine.near.seen_as_distant`), which saves doing it again. `shift` is 0 where true normals
+    are exact, as rendered ones are.
     """
     told_map = None if told_deg is None else on_map(told_deg.numpy(), capture.mask, np.nan)
     calibration = calibration_of(method)
@@ -92,12 +101,14 @@ def with_expected_error(
         some, step = normals.mask, 1
     F = evidence_of(seen_as_distant(capture, normals), normals, device, told_map, some)
     found = on_map(calibration(F.cpu().numpy()), some, np.nan)
-    if step == 1:
-        return replace(normals, expected_error_deg=found)
-    if told_map is None:
-        return replace(normals, expected_error_deg=between(found, normals.mask, step))
-    told_map = told_map.clip(LEAST_TOLD)  # it differs from pixel to pixel; how far to trust it does not
-    return replace(normals, expected_error_deg=told_map * between(found / told_map, normals.mask, step))
+    if step > 1 and told_map is None:
+        found = between(found, normals.mask, step)
+    if step > 1 and told_map is not None:
+        told_map = told_map.clip(LEAST_TOLD)  # it differs from pixel to pixel; how far to trust it does not
+        found = told_map * between(found / told_map, normals.mask, step)
+    shifted = bend_deg(normals)
+    shifted *= shift
+    return replace(normals, expected_error_deg=np.hypot(found, shifted, out=shifted).clip(max=90, out=shifted))
 
 
 def grid_step(pixels: int, fast: bool) -> int:
@@ -106,27 +117,6 @@ def grid_step(pixels: int, fast: bool) -> int:
     So that this costs less than a fast method; else so that what is known of them all at once fits into the memory.
     """
     return min(SPARSEST, int(np.ceil(np.sqrt(pixels / EVERY)))) if fast else int(np.ceil(np.sqrt(pixels / LARGEST)))
-
-
-def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "h w"]:
-    """Errors of all pixels of the mask from those of a grid: the nearest known one's, smoothed over the grid."""
-    import cv2
-    from scipy.ndimage import distance_transform_edt
-
-    small = found[::step, ::step]
-    nearest: Any = distance_transform_edt(np.isnan(small), return_distances=False, return_indices=True)
-    logs = np.log(small[tuple(nearest)]).astype(np.float32)
-    h, w = mask.shape
-    full = np.empty(mask.shape, np.float32)
-    for top in range(0, h, ROWS):
-        rows = slice(top, min(top + ROWS, h))
-        y, x = np.mgrid[rows, :w].astype(np.float32) / np.float32(step)
-        first = top // step
-        part = logs[first : rows.stop // step + 2]  # between which these rows lie
-        full[rows] = cv2.remap(part, x, y - np.float32(first), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    np.exp(full, out=full)
-    full[~mask] = np.nan
-    return full
 
 
 def evidence_of(

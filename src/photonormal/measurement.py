@@ -20,7 +20,7 @@ from photonormal.masked import picked, row_bands
 from photonormal.methods import DEFAULT, configure, options_of
 from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
-from photonormal.resources import peak_mb
+from photonormal.resources import hand_back, peak_mb
 from photonormal.scoring import score
 from photonormal.types import Capture, InputError, Result, box_of
 
@@ -135,6 +135,7 @@ def measure(
     if integration is not None:
         with _stage("integrate", seconds), progress(f"depth by {integration}"):
             surface = integrate(normals, integration, K=_camera_matrix(capture, K))
+        hand_back()  # grids of all sizes were made and freed
     if albedo and lit.lights is not None:
         from photonormal.methods.albedo import lambertian_albedo
 

@@ -1,10 +1,11 @@
-"""Peak memory of one step of a long process."""
+"""Memory of a long process: the peak of one step, and what the system gets back."""
 
 from __future__ import annotations
 
 import ctypes
 import platform
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 
@@ -14,12 +15,18 @@ def reset_peak() -> None:
 
     if torch.cuda.is_available():
         torch.cuda.reset_peak_memory_stats()
+    hand_back()
     try:
-        if platform.libc_ver()[0] == "glibc":
-            ctypes.CDLL("libc.so.6").malloc_trim(0)  # hand back what earlier steps freed
         Path("/proc/self/clear_refs").write_text("5")
     except OSError:
         pass
+
+
+def hand_back() -> None:
+    """Give the system the memory that was freed, which the C library else keeps for later (glibc only)."""
+    if platform.libc_ver()[0] == "glibc":
+        with suppress(OSError, AttributeError):
+            ctypes.CDLL("libc.so.6").malloc_trim(0)
 
 
 def peak_mb() -> float | None:

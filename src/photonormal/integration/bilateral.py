@@ -13,9 +13,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy.special import expit
 
+from photonormal.integration.bands import each_band
 from photonormal.integration.conjugate import conjugate_gradients
-from photonormal.integration.multigrid import BLOCK, TINY, Multigrid
-from photonormal.integration.slopes import Slopes, pairs, surface, weighted_laplacian
+from photonormal.integration.grid import TINY, padded
+from photonormal.integration.multigrid import Multigrid
+from photonormal.integration.slopes import Slopes, surface, weighted_laplacian
 from photonormal.types import InputError, Normals, Surface
 
 ENDS = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])  # first and second pixels of the edges along x, along y
@@ -67,7 +69,7 @@ class Bilateral:
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
         slopes = Slopes(normals, K, self.grazing)
         equations = Equations(slopes, self.k)
-        z, energy = np.zeros(slopes.mask.shape), np.inf
+        z, energy = np.zeros(equations.shape), np.inf
         for _ in range(self.rounds):
             before, (system, energy) = energy, equations.one_sided(z)
             if abs(before - energy) <= self.tolerance * energy:
@@ -79,7 +81,8 @@ class Bilateral:
             last = turn == self.combined - 1
             system = equations.combined(z, chosen, outlier)
             z = system.solved(z, tolerance=1e-5 if last else 1e-3, most=100)
-        return surface(z, slopes)
+        h, w = slopes.mask.shape
+        return surface(z[:h, :w], slopes)
 
 
 class System(NamedTuple):
@@ -89,10 +92,28 @@ class System(NamedTuple):
     cy: Float[np.ndarray, "h1 w"]
     rhs: Float[np.ndarray, "h w"]
 
+    @classmethod
+    def empty(cls, shape: tuple[int, int]) -> System:
+        """To be filled by `add`."""
+        h, w = shape
+        return cls(np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32), np.zeros((h, w)))
+
+    def add(self, e: Edges, c: Along, flow: Along) -> None:
+        """Fill some rows with c dz^2 - 2 flow dz of the edges that end in them."""
+        before = int(e.rows.start > 0)  # rows of edges that begin above
+        (self.cx, self.cy)[e.axis][e.rows] = c[before:]
+        rhs = self.rhs[e.rows]
+        if e.axis == 0:
+            rhs[:, :-1] -= flow[before:]
+            rhs[:, 1:] += flow[before:]
+        else:
+            rhs[: len(flow) - before] -= flow[before:]
+            rhs[1 - before :] += flow[: len(rhs) + before - 1]
+
     def solved(self, z: Float[np.ndarray, "h w"], tolerance: float, most: int) -> Float[np.ndarray, "h w"]:
         """By at most so many iterations from `z`, which is written over."""
         z, _ = conjugate_gradients(
-            lambda z: weighted_laplacian(z, self.cx, self.cy),
+            lambda z, rows: weighted_laplacian(z, self.cx, self.cy, rows),
             self.rhs,
             z,
             Multigrid(self.cx, self.cy),
@@ -104,7 +125,7 @@ class System(NamedTuple):
 
 
 class Edges(NamedTuple):
-    """Edges along one axis of some rows, from pixels i to the next ones j: steps of z, and what either end says."""
+    """Edges along one axis that end in some rows, from pixels i to the next ones j: steps of z, what the ends say."""
 
     axis: int
     rows: slice
@@ -118,46 +139,56 @@ class Edges(NamedTuple):
 
 
 class Equations:
-    """What normals say of the steps from every pixel towards its neighbours."""
+    """What normals say of the steps from every pixel towards its neighbours; odd numbers of rows and columns."""
 
     def __init__(self, slopes: Slopes, k: float) -> None:
-        self.known = pairs(slopes.mask)
-        self.k = np.float32(k)
         h, w = slopes.mask.shape
-        self.rows = max(32, BLOCK // w)  # three more are looked at each time
-        self.a, self.b = np.empty((h, w), np.float32), np.empty((2, h, w), np.float32)
-        for y in range(0, h, self.rows):
-            rows = slice(y, min(y + self.rows, h))
-            self.a[rows], self.b[:, rows] = slopes.rows(rows.start, rows.stop)
-        self.a[~slopes.mask] = 1  # of no edge, but divided by
+        self.shape = h | 1, w | 1
+        self.mask = padded(slopes.mask, *self.shape, bool)
+        self.k = np.float32(k)
+        self.a, self.b = np.ones(self.shape, np.float32), np.zeros((2, *self.shape), np.float32)
 
-    def edges(self, z: Float[np.ndarray, "h w"]) -> Iterator[Edges]:
-        """All edges, some rows after the other, with weights by the steps of `z`."""
-        for y in range(0, len(z), self.rows):
-            part = slice(max(y - 1, 0), y + self.rows + 2)  # weights need the steps before and behind
-            for axis, (i, j) in enumerate(ENDS):
-                a, known = self.a[part], self.known[axis][part]
-                known = known[: len(a) - axis]
-                dz = np.diff(z[part], axis=1 - axis).astype(np.float32)
-                dz *= known
-                gain = np.zeros_like(a)
-                gain[j] += (a[j] * dz) ** 2
-                gain[i] -= (a[i] * dz) ** 2
-                gain *= self.k
-                w = expit(np.clip(gain, -CLEAR, CLEAR, out=gain), out=gain)
-                own = slice(y - part.start, y - part.start + self.rows)
-                b = self.b[axis, part]
-                values = dz, w[i] * known, (1 - w[j]) * known, a[i], a[j], b[i], b[j]
-                yield Edges(axis, slice(y, y + self.rows), *(v[own] for v in values))
+        def fill(rows: slice) -> None:
+            a, self.b[:, rows, :w] = slopes.rows(rows.start, rows.stop)
+            np.copyto(
+                self.a[rows, :w], a, where=slopes.mask[rows], casting="same_kind"
+            )  # elsewhere of no edge, but divided by
+
+        each_band(fill, h, w)
+
+    def edges(self, z: Float[np.ndarray, "h w"], rows: slice) -> Iterator[Edges]:
+        """The edges that begin in some rows or in the row before, with weights by the steps of `z`."""
+        begin = slice(max(rows.start - 1, 0), rows.stop)
+        part = slice(max(rows.start - 2, 0), rows.stop + 2)  # weights need the steps before and behind
+        own = slice(begin.start - part.start, begin.stop - part.start)
+        mask, a = self.mask[part], self.a[part]
+        for axis, (i, j) in enumerate(ENDS):
+            known = mask[i] & mask[j]
+            dz = np.diff(z[part], axis=1 - axis).astype(np.float32)
+            dz *= known
+            gain = np.zeros_like(a)
+            gain[j] += (a[j] * dz) ** 2
+            gain[i] -= (a[i] * dz) ** 2
+            gain *= self.k
+            w = expit(np.clip(gain, -CLEAR, CLEAR, out=gain), out=gain)
+            b = self.b[axis, part]
+            values = dz, w[i] * known, (1 - w[j]) * known, a[i], a[j], b[i], b[j]
+            yield Edges(axis, rows, *(v[own] for v in values))
 
     def one_sided(self, z: Float[np.ndarray, "h w"]) -> tuple[System, float]:
         """The least squares of all equations with weights by `z`, and their energy there."""
-        system, energy = self.empty(), 0.0
-        for e in self.edges(z):
-            wi, wj = e.wi * e.ai, e.wj * e.aj
-            add(system, e, wi * e.ai + wj * e.aj, wi * e.bi + wj * e.bj)
-            energy += float((e.wi * (e.ai * e.dz - e.bi) ** 2 + e.wj * (e.aj * e.dz - e.bj) ** 2).sum(dtype=np.float64))
-        return system, energy
+        system = System.empty(self.shape)
+
+        def fill(rows: slice) -> float:
+            energy = 0.0
+            for e in self.edges(z, rows):
+                wi, wj = e.wi * e.ai, e.wj * e.aj
+                system.add(e, wi * e.ai + wj * e.aj, wi * e.bi + wj * e.bj)
+                each = e.wi * (e.ai * e.dz - e.bi) ** 2 + e.wj * (e.aj * e.dz - e.bj) ** 2
+                energy += float(each[rows.start > 0 :].sum(dtype=np.float64))
+            return energy
+
+        return system, sum(each_band(fill, *self.shape))
 
     def combined(
         self, z: Float[np.ndarray, "h w"], chosen: Float[np.ndarray, "h w"], outlier: float | np.floating
@@ -169,30 +200,22 @@ class Equations:
         lowers it. Equations that `z` contradicts by more than an error `outlier` (radians) lose weight. Where all have
         next to none, as across a jump, the step is that of `chosen`.
         """
-        system = self.empty()
-        for e in self.edges(chosen):
-            weight = e.wi + e.wj
-            x = e.wi / np.maximum(weight, TINY)
-            p = x + 4 * x * (1 - x) * (np.float32(0.5) - x)
-            slope = p * e.bi / e.ai + (1 - p) * e.bj / e.aj
-            si, sj = e.ai**2, e.aj**2
-            precision = np.minimum(si, sj) / (np.maximum(si, sj) * np.hypot(p / si, (1 - p) / sj))
-            dz = np.diff(z[e.rows.start : e.rows.stop + e.axis], axis=1 - e.axis).astype(np.float32)
-            c = weight * precision**2 / (1 + ((dz - slope) * precision / np.float32(outlier)) ** 2)
-            held = HELD * (weight > 0)
-            add(system, e, c + held, c * slope + held * e.dz)
+        system = System.empty(self.shape)
+
+        def fill(rows: slice) -> None:
+            for e in self.edges(chosen, rows):
+                weight = e.wi + e.wj
+                x = e.wi / np.maximum(weight, TINY)
+                p = x + 4 * x * (1 - x) * (np.float32(0.5) - x)
+                slope = p * e.bi / e.ai + (1 - p) * e.bj / e.aj
+                si, sj = e.ai**2, e.aj**2
+                precision = np.minimum(si, sj) / (np.maximum(si, sj) * np.hypot(p / si, (1 - p) / sj))
+                i, j = ENDS[e.axis]
+                dz = z[max(rows.start - 1, 0) : rows.stop + e.axis]
+                dz = (dz[j] - dz[i]).astype(np.float32)
+                c = weight * precision**2 / (1 + ((dz - slope) * precision / np.float32(outlier)) ** 2)
+                held = HELD * (weight > 0)
+                system.add(e, c + held, c * slope + held * e.dz)
+
+        each_band(fill, *self.shape)
         return system
-
-    def empty(self) -> System:
-        """To be filled by `add`."""
-        h, w = self.a.shape
-        return System(np.empty((h, w - 1), np.float32), np.empty((h - 1, w), np.float32), np.zeros((h, w)))
-
-
-def add(system: System, e: Edges, c: Along, flow: Along) -> None:
-    """Add c dz^2 - 2 flow dz of some edges to the least squares."""
-    (system.cx, system.cy)[e.axis][e.rows] = c
-    rhs = system.rhs[e.rows.start : e.rows.stop + e.axis]
-    i, j = ENDS[e.axis]
-    rhs[i] -= flow
-    rhs[j] += flow

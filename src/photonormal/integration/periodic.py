@@ -44,21 +44,14 @@ class Periodic:
         z = poisson(f)
         if not mask.all():
 
-            def laplacian(z: np.ndarray) -> np.ndarray:
-                z = z.reshape(mask.shape)
-                return divergence(right * (z - np.roll(z, -1, 1)), down * (z - np.roll(z, -1, 0))).ravel()
+            def laplacian(z: np.ndarray, rows: slice) -> np.ndarray:
+                around = np.arange(rows.start - 1, rows.stop + 1) % len(z)
+                z, right_, down_ = z[around], right[around], down[around]
+                gx, gy = right_ * (z - np.roll(z, -1, 1)), down_[:-1] * (z[:-1] - z[1:])
+                return (gx - np.roll(gx, 1, 1))[1:-1] + gy[1:] - gy[:-1]
 
-            def tile(r: np.ndarray) -> np.ndarray:
-                return poisson(-r.reshape(mask.shape)).ravel()
-
-            z, _ = conjugate_gradients(laplacian, -f.ravel(), z.ravel(), tile, self.tolerance, most=2000)
-            z = z.reshape(mask.shape)
+            z, _ = conjugate_gradients(laplacian, -f, z, lambda r: poisson(-r), self.tolerance, most=2000)
         return Surface(np.where(mask, z - z[mask].mean(), np.nan), mask)
-
-
-def divergence(gx: Float[np.ndarray, "h w"], gy: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    """What flows out of each pixel to its right and lower neighbours, around the edges too, less what flows in."""
-    return gx - np.roll(gx, 1, 1) + gy - np.roll(gy, 1, 0)
 
 
 def poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:

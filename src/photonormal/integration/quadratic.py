@@ -40,7 +40,7 @@ class Quadratic:
         np.negative(f, out=f)
         start = rectangle(f, filled)
         z, _ = conjugate_gradients(
-            lambda z: weighted_laplacian(z, right, down),
+            lambda z, rows: weighted_laplacian(z, right, down, rows),
             f,
             start,
             lambda r: rectangle(r, filled),

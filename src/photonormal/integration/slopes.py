@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.ndimage import label
 
+from photonormal.integration.bands import around, each_band
 from photonormal.types import InputError, Normals, Surface, box_of
 
 ROWS = 128  # computed at a time, to bound the memory
@@ -105,16 +106,13 @@ def add_divergence(f: Float[np.ndarray, "h w"], gx: Float[np.ndarray, "k w1"], g
     f[1 : len(gy) + 1] -= gy
 
 
-def weighted_laplacian(
-    z: Float[np.ndarray, "h w"], cx: np.ndarray, cy: np.ndarray, rows: int = ROWS
-) -> Float[np.ndarray, "h w"]:
-    """-div(c grad z) with weights cx (h, w - 1) of the edges to the right and cy (h - 1, w) of those down."""
+def weighted_laplacian(z: Float[np.ndarray, "h w"], cx: np.ndarray, cy: np.ndarray, rows: slice) -> np.ndarray:
+    """Some rows of -div(c grad z): weights cx (h, w - 1) of the edges to the right and cy (h - 1, w) of those down."""
+    part, own = around(rows, len(z))
+    z = z[part]
     found = np.zeros_like(z)
-    for y in range(0, len(z), rows):
-        part = z[y : y + rows + 1]
-        gx = cx[y : y + rows] * (part[:rows, :-1] - part[:rows, 1:])
-        add_divergence(found[y : y + rows + 1], gx, cy[y : y + rows] * (part[:-1] - part[1:]))
-    return found
+    add_divergence(found, cx[part] * (z[:, :-1] - z[:, 1:]), cy[part.start : part.stop - 1] * (z[:-1] - z[1:]))
+    return found[own]
 
 
 def steps(
@@ -131,19 +129,28 @@ def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], Bool
 
 
 def surface(z: Float[np.ndarray, "h w"], slopes: Slopes) -> Surface:
-    """The surface of z in the mask's box, with the free constant (scale) of each connected part fixed."""
-    normals, K = slopes.normals, slopes.K
-    mask = slopes.mask
+    """The surface of z in the mask's box, which is written over, with the free constant (scale) of each part fixed."""
+    mask, f = slopes.mask, slopes.f
     parts = np.zeros(mask.shape, np.int32)
-    label(mask, output=parts)
-    parts = parts.ravel()  # from 1; 0 is outside
-    size = np.maximum(np.bincount(parts), 1)
-    z = z.ravel()
-    z -= (np.bincount(parts, z) / size)[parts]
-    if K is not None:
-        z = np.exp(z / slopes.f)
-        z /= (np.bincount(parts, z) / size)[parts]
-    z[parts == 0] = np.nan
-    depth = np.full(normals.mask.shape, np.nan)
-    depth[slopes.box] = z.reshape(mask.shape)
-    return Surface(depth, normals.mask, K)
+    label(mask, output=parts)  # from 1; 0 is outside
+    count = int(parts.max()) + 1
+
+    def means(values: Callable[[slice], np.ndarray]) -> Float[np.ndarray, " parts"]:
+        sums = each_band(lambda y: np.bincount(parts[y].ravel(), values(y).ravel(), count), *mask.shape)
+        return np.sum(sums, axis=0) / size
+
+    size = np.maximum(np.sum(each_band(lambda y: np.bincount(parts[y].ravel(), None, count), *mask.shape), axis=0), 1)
+    middle = means(lambda y: z[y])
+    scale = np.ones(count) if slopes.K is None else means(lambda y: np.exp((z[y] - middle[parts[y]]) / f))
+    depth = np.full(slopes.normals.mask.shape, np.nan)
+    inside = depth[slopes.box]
+
+    def fixed(y: slice) -> None:
+        of = parts[y]
+        found = z[y] - middle[of]
+        if slopes.K is not None:
+            found = np.exp(found / f) / scale[of]
+        np.copyto(inside[y], found, where=of > 0)
+
+    each_band(fixed, *mask.shape)
+    return Surface(depth, slopes.normals.mask, slopes.K)

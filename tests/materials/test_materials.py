@@ -29,7 +29,7 @@ def shiny(roughness, albedo=(0.4, 0.3, 0.1), F0=(0.05, 0.05, 0.05), size=40):
     truth = sphere(size)
     N = torch.from_numpy(truth.map[truth.mask])
     L = torch.from_numpy(LIGHTS.astype(np.float32))
-    none = torch.zeros(len(N), len(L), dtype=torch.bool)
+    none = torch.zeros(len(N), len(L), 3, dtype=torch.bool)
     s = samples(torch.zeros(len(N), len(L), 3), N, L, none)
     lobe = s.lobe(torch.tensor([[roughness]])) * (s.cos_l > 0)
     shown = s.cos_l.clamp(min=0)[..., None] * torch.tensor(albedo) + lobe[..., None] * torch.tensor(F0)  # (p, n, 3)
@@ -138,6 +138,28 @@ def test_a_highlight_whose_middle_is_saturated_is_one():
     whole, told = (middle(materials_of(seen, capture.truth).roughness) for seen in (capture, clipped))
     assert np.isfinite(told).sum() > 0.8 * np.isfinite(whole).sum()
     assert np.nanmedian(np.abs(told - 0.25)) < 0.03
+
+
+def test_a_channel_that_is_saturated_leaves_what_the_others_tell():
+    capture = shiny(0.35, albedo=(0.4, 0.04, 0.02))
+    white = 0.05  # of red nothing else is seen, green and blue saturate in highlights alone
+    seen = np.asarray(capture.images).clip(max=white)
+    clipped = replace(capture, images=seen, saturation=np.full((len(LIGHTS), 3), white))
+    found = materials_of(clipped, capture.truth)
+    assert np.isfinite(middle(found.roughness)).mean() > 0.7
+    assert np.nanmax(np.abs(middle(found.roughness) - 0.35)) < 0.05
+    assert np.abs(np.median(middle(found.albedo)[:, 1:], axis=0) / [0.04, 0.02] - 1).max() < 0.05
+    assert middle(found.albedo)[:, 0].min() >= 0.99 * white
+
+
+def test_where_two_thirds_of_the_lights_are_in_shadow_the_others_tell():
+    capture = shiny(0.35)
+    images = np.array(capture.images)
+    images[np.arange(len(LIGHTS)) % 3 > 0] *= 0.01
+    found = materials_of(replace(capture, images=images), capture.truth)
+    told = middle(found.roughness)
+    assert np.isfinite(told).mean() > 0.2 and np.nanmax(np.abs(told - 0.35)) < 0.05
+    assert np.abs(np.median(middle(found.albedo), axis=0) - [0.4, 0.3, 0.1]).max() < 0.01
 
 
 def test_a_black_surface_that_mirrors_another_under_some_lights_is_not_told_as_metal():

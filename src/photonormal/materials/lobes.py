@@ -11,19 +11,24 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from photonormal.shading import cosines, ggx, half_vectors
 
 ROUGHNESS = torch.logspace(-1, 0, 20)  # that are tried
 STEEPEST = 0.1  # n.l below which a sample tells little
-LOW = 0.4  # quantile of I / n.l that is taken for the matt part at first: highlights are above it, shadows below
+LEAST = 0.01  # weight in the grey level of a channel that is saturated under all lights; 1: under none
+HIGH = 0.75  # quantile of I / n.l that lies in no shadow
+DARK = 0.1  # of that, below which a sample surely does
+LOW = 0.4  # quantile of those left that is taken for the matt part at first: highlights are above it, shadows below
 SHADE = 0.4  # of that, below which a sample lies in a shadow
 NOISE = 1e-4  # least variance, over the signal's square: what the model can't explain anyway
-FAINT = 0.08  # a highlight that is seen adds this to the matt part where that is brightest
-FLANK = 0.09  # of the lobe's peak: a light must show so much of it
+FAINT = 0.06  # a highlight that is seen adds this to the matt part where that is brightest
+FLANK = 0.08  # of the lobe's peak: a light must show so much of it
 EXPLAINED = 0.2  # of what the matt part leaves: the highlight must explain so much
+SCARCE = 0.5  # share of a channel's samples below which it does not part both lobes: the other channels do
+BARE = 0.05  # share of the albedo in albedo + F0 below which there is no matt part
 BROADEST = 0.8  # roughness from which a highlight looks like what matt surfaces show
 CERTAIN = 0.8  # of what the matt part leaves, where the highlight is to tell that there is no matt part
 ALIKE = 0.98  # cosine between the samples of both lobes above which they can't be told apart
@@ -56,7 +61,7 @@ class Samples:
     ----------
     I : radiance
     cos_l, cos_v, cos_h : n.l, n.v and n.h
-    w : weights, one over the squared level of a sample; 0 where it is in shadow or saturated
+    w : weights, one over the squared level of a sample; 0 where it is in shadow, and of a channel that is saturated
     lit : which ones are in no shadow, saturated ones too
     albedo : a first guess
     """
@@ -65,7 +70,7 @@ class Samples:
     cos_l: Float[Tensor, "p n"]
     cos_v: Float[Tensor, "p 1"]
     cos_h: Float[Tensor, "p n"]
-    w: Float[Tensor, "p n"]
+    w: Float[Tensor, "p n c"]
     lit: Bool[Tensor, "p n"]
     albedo: Float[Tensor, "p c"]
 
@@ -79,40 +84,51 @@ def samples(
     I: Float[Tensor, "p n c"],
     N: Float[Tensor, "p 3"],
     L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"],
-    saturated: Bool[Tensor, "p n"],
+    saturated: Bool[Tensor, "p n c"],
 ) -> Samples:
     """Samples and their weights: those in shadow are told by a low quantile of I / n.l over the lights."""
     cos_l = cosines(N, L)
-    Y = I.mean(-1)  # (p, n)
     facing = cos_l > STEEPEST
-    usable = facing & ~saturated
-    ratio = torch.where(usable, Y / cos_l.clamp(min=STEEPEST), torch.inf)
-    rank = (LOW * usable.sum(1, keepdim=True)).long().clamp(max=Y.shape[1] - 1)
+    count = facing.sum(1, keepdim=True)
+    trusted = (facing[..., None] & ~saturated).sum(1) + LEAST * count  # (p, c)
+    Y = (I @ trusted[..., None])[..., 0] / trusted.sum(1, keepdim=True).clamp(min=1e-12)  # (p, n)
+    ratio = torch.where(facing, Y / cos_l.clamp(min=STEEPEST), torch.inf)
     order = torch.from_numpy(np.argsort(ratio.numpy(), axis=1))  # several times as fast as torch's
-    at = order.gather(1, rank)  # (p, 1) the light that shows the quantile
-    albedo = I.gather(1, at[..., None].expand(-1, 1, I.shape[2]))[:, 0] / cos_l.gather(1, at).clamp(min=STEEPEST)
-    level = albedo.mean(-1, keepdim=True)
+
+    def light(quantile: float, dark: Tensor | int = 0) -> Int[Tensor, "p 1"]:
+        """The one that shows a quantile of the ratios without the darkest ones."""
+        rank = dark + quantile * (count - dark).clamp(min=0)
+        return order.gather(1, rank.long().clamp(max=Y.shape[1] - 1))
+
+    dark = (ratio < DARK * ratio.gather(1, light(HIGH))).sum(1, keepdim=True)
+    at = light(LOW, dark)
+    steep = cos_l.gather(1, at).clamp(min=STEEPEST)
+    albedo = I.gather(1, at[..., None].expand(-1, 1, I.shape[2]))[:, 0] / steep * (count > 0)
+    level = Y.gather(1, at) / steep
     lit = facing & (Y >= SHADE * level * cos_l)
     sigma = level + Y + 1e-3 * Y.amax(1, keepdim=True)
-    w = torch.where(lit & ~saturated, sigma.clamp(min=1e-12) ** -2, 0.0)
+    cos = cos_l.clamp(0, 1)
+    grazing = level * cos * (1 - cos) ** 5  # by so much matt surfaces differ from Lambert's, as F. Schlick's law has it
+    variance = (sigma.square() + grazing.square() / NOISE).clamp(min=1e-24)
+    w = (lit / variance)[..., None] * ~saturated
     return Samples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, lit, albedo)
 
 
 def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
     """Of each of ROUGHNESS, the best matt and highlight colours given; zero for the best one of a pixel."""
     matt = s.cos_l.clamp(min=0)
-    wm = s.w * matt
-    mm = (wm * matt).sum(1).clamp(min=1e-12)[:, None]  # (p, 1)
-    Im = (wm[:, None] @ s.I)[:, 0]  # (p, c)
-    rest = (s.w[:, None] @ s.I.square())[:, 0].sum(1) - (Im.square() / mm).sum(1)  # (p,) what the matt part leaves
-    degrees = (s.w > 0).sum(1) * s.I.shape[2]
+    wI, wm = s.w * s.I, s.w * matt[..., None]  # (p, n, c)
+    both = torch.cat([wI, wm], -1)
+    Im, mm = (matt[:, None] @ both)[:, 0].chunk(2, -1)  # (p, c)
+    mm = mm.clamp(min=1e-12)
+    rest = (wI * s.I).sum((1, 2)) - (Im.square() / mm).sum(1)  # (p,) what the matt part leaves
+    degrees = (s.w > 0).sum((1, 2))
     found = []
     for roughness in ROUGHNESS:
         g = s.lobe(roughness)
-        wg = s.w * g
-        gm = (wg * matt).sum(1, keepdim=True)
-        gg = (wg * g).sum(1, keepdim=True) - gm.square() / mm  # the lobe, without what the matt part explains
-        Ig = ((wg[:, None] @ s.I)[:, 0] - Im * gm / mm).clamp(min=0)
+        Ig, gm = (g[:, None] @ both)[:, 0].chunk(2, -1)
+        gg = (g.square()[:, None] @ s.w)[:, 0] - gm.square() / mm  # the lobe, without what the matt part explains
+        Ig = (Ig - Im * gm / mm).clamp(min=0)
         left = rest - (Ig.square() / gg.clamp(min=1e-9)).sum(1)
         found.append(torch.log(left.clamp(min=0) / degrees.clamp(min=1) + NOISE))
     values = torch.stack(found, 1) * (-0.5 * degrees[:, None])
@@ -133,9 +149,10 @@ def likeliest(values: Float[Tensor, "p r"]) -> Float[Tensor, " p"]:
 def fitted(s: Samples, roughness: Float[Tensor, " p"]) -> Fit:
     """The lobes in least squares at a given roughness."""
     matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
-    wm, wg = s.w * matt, s.w * g
-    mm, gg, gm = ((a * b).sum(1, keepdim=True).clamp(min=1e-12) for a, b in ((wm, matt), (wg, g), (wm, g)))
-    Im, Ig = (wm[:, None] @ s.I)[:, 0], (wg[:, None] @ s.I)[:, 0]  # (p, c)
+    both = torch.stack([matt, g], 1)  # (p, 2, n)
+    Im, Ig = (both @ (s.w * s.I)).unbind(1)  # (p, c)
+    mm, gg = (both.square() @ s.w).clamp(min=1e-12).unbind(1)
+    gm = ((matt * g)[:, None] @ s.w)[:, 0]
     det = (mm * gg - gm.square()).clamp(min=1e-6 * mm * gg)
     rho, F0 = (gg * Im - gm * Ig) / det, (mm * Ig - gm * Im) / det
     rho, F0 = torch.where(F0 < 0, Im / mm, rho), torch.where(rho < 0, Ig / gg, F0)
@@ -143,7 +160,7 @@ def fitted(s: Samples, roughness: Float[Tensor, " p"]) -> Fit:
 
     def left(rho: Tensor, F0: Tensor) -> Float[Tensor, " p"]:
         model = matt[..., None] * rho[:, None] + g[..., None] * F0[:, None]  # (p, n, c)
-        return (s.w[..., None] * (s.I - model).square()).sum((1, 2))
+        return (s.w * (s.I - model).square()).sum((1, 2))
 
     alone = Im / mm
     unexplained, of = left(rho, F0), left(alone, torch.zeros_like(F0))
@@ -151,6 +168,12 @@ def fitted(s: Samples, roughness: Float[Tensor, " p"]) -> Fit:
     near = (a2 / ((a2 - 1) * s.cos_h.square() + 1)).square() > FLANK  # of D over its peak
     brightest = (rho.mean(-1, keepdim=True) * matt * s.lit).amax(1, keepdim=True)
     shown = s.lit & near & (F0.mean(-1, keepdim=True) * g > FAINT * brightest)
-    told = shown.any(1) & (unexplained < (1 - EXPLAINED) * of) & (roughness < BROADEST)
-    certain = told & (unexplained < (1 - CERTAIN) * of) & (gm.square() < ALIKE**2 * mm * gg)[:, 0]
+    scarce = (s.w > 0).sum(1) < SCARCE * s.lit.sum(1, keepdim=True)  # (p, c)
+    told = shown.any(1) & ~scarce.all(1) & (unexplained < (1 - EXPLAINED) * of) & (roughness < BROADEST)
+    certain = told & (unexplained < (1 - CERTAIN) * of) & (gm.square().sum(1) < ALIKE**2 * (mm * gg).sum(1))
+    alone = torch.where((s.w > 0).any(1), alone, s.albedo)
+    matt_part, shine, channels = ((part * ~scarce).sum(1, keepdim=True) for part in (rho, F0, torch.ones_like(rho)))
+    bare = matt_part < BARE * (matt_part + shine)
+    rho = torch.where(scarce, alone * ~bare, rho)
+    F0 = torch.where(scarce, shine / channels.clamp(min=1), F0)
     return Fit(rho, F0, alone, told, certain)

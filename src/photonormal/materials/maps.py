@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.masked import row_bands
-from photonormal.materials.lobes import ROUGHNESS, fitted, likeliest, log_likelihood, samples
+from photonormal.materials.lobes import BARE, ROUGHNESS, fitted, likeliest, log_likelihood, samples
 from photonormal.materials.neighbours import RADIUS, company, pooled
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
@@ -22,21 +22,18 @@ CPU = torch.device("cpu")
 PIXELS = 2**11  # whose lobes are computed at a time: they fit into a cache
 LEVELS = 8  # grey levels that take as much memory as what is found of a pixel
 FITTED = ("albedo", "F0", "alone", "told", "certain")
-AROUND = (
-    3 * RADIUS
-)  # rows that help to tell: neighbours choose the roughness, say whether it is told, and whether metal
+AROUND = 3 * RADIUS  # rows that help to tell: neighbours choose the roughness, say if it is told, and whether metal
 SATURATED = 0.995  # of the largest sample, from which one tells too little
 MATT = 0.6  # share of the albedo in albedo + F0 above which nothing is a metal,
-BARE = 0.05  # below which it is one,
-TINTED = 0.3  # or below which it is where
+TINTED = 0.3  # below which it is one where
 COLOURED = 0.4  # F0 of the channels differs by this much of the largest
 
 
 def materials_of(capture: Capture, normals: Normals) -> Materials:
     """Fit a matt lobe and a highlight to each pixel, whose roughness is the likeliest for it and its like neighbours.
 
-    The view is orthographic. Samples in shadow and saturated ones are left out; light between parts of the surface is
-    not modelled. An exposure changes the albedo and F0 alone, and the order of the images nothing.
+    The view is orthographic. Samples in shadow are left out, and channels that are saturated; light between parts of
+    the surface is not modelled. An exposure changes the albedo and F0 alone, and the order of the images nothing.
 
     Raises
     ------
@@ -122,7 +119,7 @@ def _seen(
         part = slice(first, first + PIXELS)
         if capture.lights_at is not None:
             lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
-        yield I[part], N[part], lights, (I[part] >= white).any(-1)
+        yield I[part], N[part], lights, I[part] >= white
 
 
 def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"], certain: Bool[Tensor, " p"]) -> Float[Tensor, " p"]:

@@ -8,6 +8,7 @@ from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
+from photonormal.methods.learned.network import PixelNetwork
 from photonormal.methods.learned.weights import NETWORKS, build, checksum, encoded, load, shipped
 from photonormal.train.recipes import ONE_RIG
 from photonormal.types import InputError
@@ -105,7 +106,7 @@ def test_every_network_builds(name):
     net = build(name, config)
     assert net.Config(**config) == net.config
     assert net.scaling in ("exposure", "channels", "grey")
-    assert net.learns == "lights" or (net.stride > 0 and (net.reach > 0 or net.pointwise))
+    assert net.learns == "lights" or (net.stride > 0 and (net.reach > 0 or isinstance(net, PixelNetwork)))
 
 
 def test_shipped_weights_are_complete():

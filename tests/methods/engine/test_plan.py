@@ -26,23 +26,48 @@ def allow(monkeypatch):
 
 @pytest.mark.parametrize("rotations", [1, 4])
 def test_a_window_fits_into_its_share(allow, rotations):
-    net = configure("normalnet").network()
+    net = configure("lambertian-prior").network()
     sides = []
     for nbytes in (5e9, 8e9, 20e9, 200e9):
         allow(nbytes)
-        side = plan.side(net, 2, rotations, CPU, LARGE, 8)
+        (side, _), _ = plan.tile(net, 1, rotations, CPU, LARGE, 8)
         assert side % net.stride == 0 and 64 <= side <= plan.SIDE["cpu"]
-        assert (rotations * plan.SEEN + 8 * plan.SAMPLE) * (side + 4 * net.reach) ** 2 <= plan.WINDOW * nbytes
+        assert rotations * plan.SEEN * (side + 2 * net.reach) ** 2 <= plan.WINDOW * nbytes
         sides.append(side)
     assert sides == sorted(sides) and sides[-1] == plan.SIDE["cpu"]
+
+
+@pytest.mark.parametrize("rotations", [1, 4])
+def test_rows_of_a_network_that_sees_pixels_fit_into_their_share(allow, rotations):
+    net = configure("normalnet").network()
+    found = []
+    for nbytes in (3e9, 5e9, 20e9, 200e9):
+        allow(nbytes)
+        (h, w), rows = plan.tile(net, 2, rotations, CPU, LARGE, 8)
+        assert h == LARGE[0] and w % net.stride == rows % net.stride == 0
+        seen = min(w + 4 * net.reach, LARGE[1])
+        held = (
+            rows * (rotations * (2 * plan.KEPT + plan.BAND) + 8 * plan.SAMPLE) + 2 * rotations * plan.KEPT * net.reach
+        )
+        assert seen * held <= (plan.WINDOW - plan.TILES) * nbytes
+        found.append((w, rows))
+    assert found == sorted(found) and found[-1] == (LARGE[1], plan.MOST)
+    assert plan.tile(net, 2, 1, CPU, LARGE, 8, side=30) == ((LARGE[0], 24), 24)
+
+
+def test_columns_that_are_looked_at_together_are_all_columns():
+    for width, rows, reach in ((4000, 80, 8), (4000, 10**6, 72), (64, 10, 0)):
+        tiles = plan.tiles(width, rows, reach, 8)
+        assert tiles[0].start == 0 and tiles[-1].stop == width
+        assert [t.start for t in tiles[1:]] == [t.stop for t in tiles[:-1]] and all(t.start % 8 == 0 for t in tiles)
 
 
 def test_what_is_too_small_is_told(allow):
     net, capture = configure("normalnet").network(), load("demo")
     allow(1e8)
-    with pytest.raises(InputError, match=r"a window of 64 pixels .* needs .* such as --memory"):
-        plan.side(net, 2, 1, CPU, LARGE, 8)
-    assert plan.side(net, 2, 1, CPU, (100, 100), 8) == plan.SIDE["cpu"]  # what is small is seen as a whole
+    with pytest.raises(InputError, match=r"a band of 64 rows of 62 pixels .* needs .* such as --memory"):
+        plan.tile(net, 2, 1, CPU, LARGE, 8)
+    assert plan.tile(net, 2, 1, CPU, (96, 96), 8) == ((96, 96), 96)  # what is small is seen as a whole
     allow(1e4)
     with pytest.raises(InputError, match=r"a row of 160 pixels .* needs .* such as --memory"):
         plan.pixels(capture)
@@ -51,9 +76,9 @@ def test_what_is_too_small_is_told(allow):
 def test_a_graph_of_too_many_samples_is_told(allow):
     net = configure("gps-net").network()
     allow(1e8)
-    with pytest.raises(InputError, match=r"a window of 64 pixels .* needs .* such as --memory") as told:
-        plan.side(net, 1, 1, CPU, LARGE, 3000)
-    assert "\n" not in str(told.value) and plan.side(net, 1, 1, CPU, LARGE, 300) >= 64
+    with pytest.raises(InputError, match=r"a band of 64 rows .* needs .* such as --memory") as told:
+        plan.tile(net, 1, 1, CPU, LARGE, 10_000)
+    assert "\n" not in str(told.value) and plan.tile(net, 1, 1, CPU, LARGE, 300)[1] >= 64
 
 
 def test_a_smaller_bound_finds_the_same(allow):

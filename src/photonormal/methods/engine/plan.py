@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from photonormal.files import memory
-from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.network import Network, PixelNetwork
 from photonormal.types import Capture, InputError
 
 LEVELS = 2**26  # grey levels held at a time, at most
@@ -13,8 +13,13 @@ LEVEL = 64  # bytes allowed for each, with what is made of them
 SIDE = {"cpu": 2048, "cuda": 1024}  # of a window in pixels, without its margins, at most
 LEAST = 64  # pixels of a window's side, at least
 WINDOW = 2 / 3  # of the memory: the rest is for pictures (`capture.store`)
-SEEN = 3328  # bytes that a network holds for each pixel that a window sees, in each quarter turn
+SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in each quarter turn
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
+KEPT = 640  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
+BAND = 1600  # bytes of each pixel of such rows while they are read
+TILE = 2**16  # pixels looked at together there, by each core, at most
+TILES = 1 / 6  # of the memory, for these
+MOST = 512  # such rows
 
 
 def levels() -> int:
@@ -29,18 +34,58 @@ def pixels(capture: Capture) -> int:
     return max(width, levels() // n)
 
 
-def side(net: Network, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int) -> int:
-    """Side of a window without its margins, a multiple of the network's stride; InputError where none fits.
+def tile(
+    net: Network, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int, side: int = 0
+) -> tuple[tuple[int, int], int]:
+    """Size of a window (h, w) without its margins, and its rows that are looked at together; InputError if none fits.
 
-    On a processor it is what the memory allows, if a box (h, w) does not fit as a whole; other devices have their own.
+    All are multiples of the network's stride. On a processor they are what the memory allows; other devices have their
+    own. A network that sees pixels by themselves has windows as high as the box, as wide if it can. `side`: of a window
+    and of such rows, in place of what fits.
     """
-    most, margin = SIDE.get(device.type, SIDE["cuda"]), passes * net.reach
-    held = (rotations * SEEN + SAMPLE * n * net.pointwise) / WINDOW
-    if device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
-        least = min((LEAST + 2 * margin) ** 2, box[0] * box[1])
-        _refuse(int(held * least), f"a window of {LEAST} pixels with {margin} around it")
-        most = min(most, int((memory.allowed() / held) ** 0.5) - 2 * margin)
-    return most // net.stride * net.stride
+    most, margin = SIDE.get(device.type, SIDE["cuda"]), 2 * passes * net.reach
+    if isinstance(net, PixelNetwork):
+        wide, band = (side, side) if side else _band(net, passes, rotations, device, box, n)
+        return (box[0], _down(wide, net.stride)), _down(band, net.stride)
+    held = rotations * SEEN / WINDOW
+    if not side and device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
+        least = min((LEAST + margin) ** 2, box[0] * box[1])
+        _refuse(int(held * least), f"a window of {LEAST} pixels with {margin // 2} around it")
+        most = min(most, int((memory.allowed() / held) ** 0.5) - margin)
+    most = _down(side or most, net.stride)
+    return (most, most), most
+
+
+def _band(
+    net: PixelNetwork, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int
+) -> tuple[int, int]:
+    """Width of a window without its margins, and its rows that are looked at together."""
+    h, w = box
+    margin, around = 2 * passes * net.reach, net.reach + 2 * net.stride
+    kept, read = KEPT * rotations * passes, BAND * rotations + SAMPLE * n  # bytes of a pixel
+
+    def needed(wide: int, rows: int) -> float:
+        return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
+
+    allowed, most = memory.allowed(), min(h, MOST)
+    if device.type != "cpu":
+        return w, max(net.stride, min(h, SIDE["cuda"] ** 2 // w))
+    wide, least = w, min(h, LEAST)
+    while needed(wide, least) > allowed and wide > LEAST:
+        wide //= 2
+    _refuse(int(needed(wide, least)), f"a band of {least} rows of {wide} pixels with {margin // 2} around it")
+    return wide, next(rows for rows in range(most, 0, -1) if rows <= least or needed(wide, rows) <= allowed)
+
+
+def tiles(width: int, rows: int, reach: int, stride: int) -> list[slice]:
+    """Columns that are looked at together, with `reach` around them, of so many rows; multiples of a stride."""
+    fit = min(TILE, int(memory.allowed() * TILES / SEEN / torch.get_num_threads()))
+    wide = max(stride, _down(fit // max(1, rows) - 2 * reach, stride))
+    return [slice(x, min(x + wide, width)) for x in range(0, width, wide)]
+
+
+def _down(pixels: int, stride: int) -> int:
+    return pixels // stride * stride
 
 
 def _refuse(needed: int, what: str) -> None:

@@ -1,13 +1,14 @@
 """Measuring with a network: images streamed one or a few at a time, in windows where the object is large.
 
 The mask's box alone is computed; windows overlap by the network's reach, so they agree with the whole to rounding.
-Memory is bounded in the number of pixels. Where a network sees each by itself, their samples in all images are held.
+Memory is bounded in the number of pixels. A network that sees each by itself is shown some rows at a time (bands).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import torch
@@ -15,13 +16,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.methods.contract import Solution, Streaming
-from photonormal.methods.engine import pixels, plan
+from photonormal.methods.engine import bands, plan
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.prior import FirstLook, first_look, prior_named
-from photonormal.methods.engine.turns import turned, turned_map
-from photonormal.methods.engine.windows import Box, Window, rows_seen
+from photonormal.methods.engine.turns import mean, turned, turned_map
+from photonormal.methods.engine.windows import Box, Span, Window, rows_seen
 from photonormal.methods.inputs.scaling import scaled
-from photonormal.methods.learned.network import Network, placed
+from photonormal.methods.learned.network import Network, PixelNetwork, placed
 from photonormal.methods.learned.processor import inner_precision
 from photonormal.methods.uncalibrated.guess import guess
 from photonormal.methods.uncalibrated.limits import check
@@ -58,7 +59,7 @@ def measured(
     Parameters
     ----------
     rotations : 1, or 4: average over quarter turns of the images; four times the work
-    side : of a window in pixels, without its margins; 0: what suits the device and the memory
+    side : of a window in pixels, without its margins, and of a band of rows; 0: what suits the device and the memory
     prior : a classical method in place of the one that the network learned with; "": none
     passes : how often the network looks; from the second time on its own normals are the prior
     rows : of the frame, which alone are asked for; None: all
@@ -70,26 +71,34 @@ def measured(
     start = prior_named(net.config.prior if prior is None else prior)
     net = placed(net, device).eval()
     box = Box.of(capture, net.stride)
-    n = capture.images.shape[0]
-    side = -(-side // net.stride) * net.stride if side else plan.side(net, passes, rotations, device, box.mask.shape, n)
     with torch.inference_mode():
         # each pass reaches as far into what the pass before has found
         asked, margin = box.rows(rows), passes * net.reach
-        windows = box.windows(side, margin, asked)
+        tile, band = plan.tile(net, passes, rotations, device, box.mask.shape, capture.images.shape[0], side)
+        windows = box.windows(tile, margin, asked)
         look = first_look(net.scaling, capture, box, device, start, rows_seen(windows))
-        found: Tensor | None = None  # (d, h, w) of the rows asked for, on the processor
-        seen = sum(box.count(window.narrowed(p * net.reach)) for window in windows for p in range(1, passes + 1))
-        with progress("normals", seen * n) as advance:
+        above, p = (box.count((some, slice(None))) for some in (slice(0, asked.start), asked))
+        normals, told_deg = torch.zeros(p, 3), None
+        look_at = partial(bands.looked, net) if isinstance(net, PixelNetwork) else partial(looked, net)
+        with progress("normals", samples_seen(net, capture, box, windows, passes)) as advance:
             for window in windows:
-                part = looked(net, capture, box, look, window, device, rotations, passes, advance)
-                if found is None:
-                    found = torch.zeros(len(part), asked.stop - asked.start, box.mask.shape[1])
-                core, columns = window.core
-                found[:, core.start - asked.start : core.stop - asked.start, columns] = part
-        assert found is not None  # a mask has pixels
-        found[:3] *= look.lit[asked].cpu()
-        values = found[:, box.mask[asked]].T  # (p, d)
-    return Solution(values[:, :3].clone(), values[:, 3].clone() if len(found) > 3 else None)
+                for core, values in look_at(capture, box, look, window, device, rotations, passes, band, advance):
+                    at = torch.from_numpy(box.pixels(core) - above)
+                    normals[at] = (values[:3] * look.lit[core].cpu())[:, box.mask[core]].T
+                    if len(values) > 3 + net.memory:
+                        told_deg = torch.zeros(p) if told_deg is None else told_deg
+                        told_deg[at] = values[-1, box.mask[core]]
+    return Solution(normals, told_deg)
+
+
+def samples_seen(net: Network, capture: Capture, box: Box, windows: list[Window], passes: int) -> int:
+    """Samples that are looked at in all passes over all windows."""
+    if isinstance(net, PixelNetwork):
+        pixels = passes * sum(box.count(window.seen) for window in windows)
+    else:
+        each = (window.narrowed(p * net.reach) for window in windows for p in range(1, passes + 1))
+        pixels = sum(box.count(window.seen) for window in each)
+    return pixels * capture.images.shape[0]
 
 
 def looked(
@@ -101,33 +110,19 @@ def looked(
     device: torch.device,
     rotations: int,
     passes: int,
+    band: int,
     advance: Callable[[int], None],
-) -> Float[Tensor, "d h w"]:
-    """All passes over a window: normals of its core, and expected errors where the network tells them.
+) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
+    """All passes over a window: what the network tells of its core.
 
     `advance` is told how many samples were looked at.
     """
-    found = look.prior[:, *window.seen][None]  # (1, d, h, w), the last pass's, or the prior
-    samples = pixels.Samples.of(net, capture, box, look, window, device) if net.pointwise else None
+    core, found = window.core, look.prior[:, *window.seen][None]  # (1, d, h, w), the last pass's, or the prior
     for following in reversed(range(passes)):
         before, window = window, window.narrowed((following + 1) * net.reach)
         start = found[..., *window.within(before)][:, : 3 + net.memory].to(device)
-        if samples is None:
-            told = one_pass(net, capture, box, look, window, start, rotations, advance)
-        else:
-            samples = samples.within(window.within(before))
-            told = pixels.one_pass(net, samples, start, rotations, advance)
-        found = mean(told).cpu()
-    values = found[0, :, *window.inside]
-    return torch.cat([values[:3], values[3 + net.memory :]])
-
-
-def mean(told: Iterable[Float[Tensor, "1 d h w"]]) -> Float[Tensor, "1 d h w"]:
-    """The mean of what several turns tell; unit normals."""
-    total, turns = torch.zeros(()), 0
-    for one in told:
-        total, turns = total + one, turns + 1
-    return torch.cat([torch.nn.functional.normalize(total[:, :3], dim=1), total[:, 3:] / turns], dim=1)
+        found = mean(one_pass(net, capture, box, look, window, start, rotations, advance)).cpu()
+    yield core, found[0, :, *window.inside]
 
 
 def one_pass(
@@ -151,7 +146,7 @@ def one_pass(
         images = scaled(net.scaling, images, mask, moments, n)
         for turn in turns:
             turn.add(images, L[j : j + images.shape[1]])
-        advance(images.shape[1] * box.count(window))
+        advance(images.shape[1] * box.count(window.seen))
     for turn in turns:
         yield turn.result(n)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -20,3 +22,11 @@ def turned(v: Tensor, quarters: int, axis: int) -> Tensor:
 def turned_map(v: Float[Tensor, "*b d h w"], quarters: int) -> Float[Tensor, "*b d i j"]:
     """A map of vectors, turned as a picture is: where they are, and where they point."""
     return turned(torch.rot90(v, quarters, (-2, -1)), quarters, -3) if quarters % 4 else v
+
+
+def mean(told: Iterable[Float[Tensor, "1 d h w"]]) -> Float[Tensor, "1 d h w"]:
+    """The mean of what several turns tell; unit normals."""
+    total, turns = torch.zeros(()), 0
+    for one in told:
+        total, turns = total + one, turns + 1
+    return torch.cat([torch.nn.functional.normalize(total[:, :3], dim=1), total[:, 3:] / turns], dim=1)

@@ -58,12 +58,14 @@ class Box:
 
     def pixels(self, seen: Span) -> np.ndarray:
         """Numbers of a part's pixels on the mask, counted over the whole mask row by row."""
-        number = torch.cumsum(self.mask.flatten(), 0).view(self.mask.shape) - 1
-        return number[seen][self.mask[seen]].numpy()
+        rows, columns = seen
+        above = int(self.mask[: rows.start].sum())
+        number = torch.cumsum(self.mask[rows].flatten(), 0).view(-1, self.mask.shape[1]) - 1
+        return above + number[:, columns][self.mask[seen]].numpy()
 
-    def count(self, window: Window) -> int:
-        """Samples that a pass sees of an image in a window: its pixels on the mask, and one for those outside."""
-        return int(self.mask[window.seen].sum()) + 1
+    def count(self, seen: Span) -> int:
+        """Pixels on the mask in a part of the box."""
+        return int(self.mask[seen].sum())
 
     def on_mask(self, values: Float[Tensor, "d h w"]) -> Float[Tensor, "p d"]:
         """What is known of the mask's pixels, row by row."""
@@ -76,17 +78,17 @@ class Box:
         first, last = (max(0, row - self.top) for row in (rows.start, rows.stop))
         return slice(first, last if self.mask[last:].any() else len(self.mask))
 
-    def windows(self, tile: int, margin: int, rows: slice | None = None) -> list[Window]:
-        """The parts of the box, or of some of its rows, each `tile` pixels a side at most, with `margin` pixels around;
-        none without a mask pixel.
+    def windows(self, tile: tuple[int, int], margin: int, rows: slice | None = None) -> list[Window]:
+        """The parts of the box, or of some of its rows, each `tile` (h, w) at most, with `margin` pixels around; none
+        without a mask pixel.
 
         What is less than two margins larger than a tile, with what it sees around it, is one part.
         """
         h, w = self.mask.shape
         rows = rows or slice(0, h)
         seen = min(rows.stop + margin, h) - max(rows.start - margin, 0)
-        tile_h = rows.stop - rows.start if seen <= tile + 2 * margin else tile
-        tile_w = w if w <= tile + 2 * margin else tile
+        tile_h = rows.stop - rows.start if seen <= tile[0] + 2 * margin else tile[0]
+        tile_w = w if w <= tile[1] + 2 * margin else tile[1]
         found = []
         for y in range(rows.start, rows.stop, tile_h):
             for x in range(0, w, tile_w):

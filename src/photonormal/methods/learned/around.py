@@ -71,7 +71,7 @@ class Far(nn.Module):
 
 
 class Coarse(nn.Module):
-    """Adds what is seen at a quarter of the resolution, and with `far` blocks at an eighth."""
+    """What is seen at a quarter of the resolution, and with `far` blocks at an eighth: `reduced`, then `around`."""
 
     def __init__(self, width: int, layers: int, far: int, level: nn.Module) -> None:
         super().__init__()
@@ -82,11 +82,18 @@ class Coarse(nn.Module):
         self.join = Refine(width, level) if far else nn.Identity()
         self.last = starting_at(0.0, nn.Conv2d(width, width, 1, bias=False))
         self.stride = 8 if far else 4
-        through = sum(
-            getattr(part, "reach", 0) for part in (self.far, self.join)
-        )  # pixels of a quarter of the resolution
-        self.reach = 9 + 4 * layers + 4 * through
+        through = sum(getattr(part, "reach", 0) for part in (self.far, self.join))
+        self.reach = -(-4 * (layers + through) // self.stride) * self.stride  # of `around`, pixels of the picture
 
-    def forward(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c h w"]:
-        y = self.last(self.level(self.join(self.far(self.layers(self.level(x))))))
-        return x + F.interpolate(y, scale_factor=4, mode="bilinear")
+    def reduced(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c i j"]:
+        """To a quarter of the resolution: each pixel there sees less than four pixels around."""
+        return self.layers[:2](self.level(x))
+
+    def around(self, y: Float[Tensor, "b c i j"]) -> Float[Tensor, "b c i j"]:
+        """What is seen around, at a quarter of the resolution."""
+        return self.last(self.level(self.join(self.far(self.layers[2:](y)))))
+
+
+def joined(x: Float[Tensor, "b c h w"], y: Float[Tensor, "b c i j"]) -> Float[Tensor, "b c h w"]:
+    """What was seen at a quarter of the resolution added; a pixel takes it from at most two quarter pixels around."""
+    return x + F.interpolate(y, scale_factor=4, mode="bilinear")

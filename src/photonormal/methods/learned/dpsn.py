@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from photonormal.methods.inputs.rig import lamps_of
 from photonormal.methods.learned.layers import unit
 from photonormal.methods.learned.method import Weighted
-from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.methods.learned.pooling import Pooled
 from photonormal.shading import normalised
 from photonormal.types import InputError
@@ -46,14 +46,12 @@ class Rig(NamedTuple):
     lamps: Int[Tensor, " n"]
 
 
-class DPSNNet(Network):
+class DPSNNet(PixelNetwork):
     """Samples of each pixel, one under each lamp of the rig, to unit normals."""
 
     Config: ClassVar[type] = DPSNConfig
     scaling = "grey"
     stride = 1
-    reach = 0
-    pointwise = True
 
     def __init__(self, config: DPSNConfig) -> None:
         super().__init__()
@@ -87,8 +85,11 @@ class DPSNNet(Network):
             x = torch.relu(layer(x))
         return self.normal(x).float()
 
-    def look(self, digested: Float[Tensor, "b h w 3"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return unit(digested.permute(0, 3, 1, 2))
+    def maps(self, digested: Float[Tensor, "b h w 3"], shared: Rig | None) -> dict[str, Tensor]:
+        return {"digested": digested.permute(0, 3, 1, 2)}
+
+    def steps(self, n: int) -> list[Step]:
+        return [Step("told", ("digested",), unit)]
 
 
 @dataclass(frozen=True)

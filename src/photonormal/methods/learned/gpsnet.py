@@ -13,7 +13,7 @@ from photonormal.methods.contract import Needs
 from photonormal.methods.inputs.graphs import LEAF, leaves
 from photonormal.methods.learned.layers import Block, conv, kaiming, unit
 from photonormal.methods.learned.method import Learned
-from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.methods.learned.pooling import Pooled, pool
 from photonormal.methods.learned.processor import exactly
 
@@ -40,14 +40,12 @@ class GPSNetConfig:
     prior: str = ""
 
 
-class GPSNet(Network):
+class GPSNet(PixelNetwork):
     """Grey images (b, n, 1, h, w) over their root mean square and lights (b, n, 3) to unit normals (b, 3, h, w)."""
 
     Config: ClassVar[type] = GPSNetConfig
     scaling = "grey"
     stride = 1
-    reach = 2
-    pointwise = True
 
     def __init__(self, config: GPSNetConfig = GPSNetConfig()) -> None:
         super().__init__()
@@ -68,8 +66,11 @@ class GPSNet(Network):
         assert pooled.total is not None
         return torch.cat([(pooled.total / n).to(pooled.maximum.dtype), pooled.maximum], dim=-1)
 
-    def look(self, digested: Float[Tensor, "b h w c"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return unit(self.regressor(digested.permute(0, 3, 1, 2)))  # channels last in memory
+    def maps(self, digested: Float[Tensor, "b h w c"], shared: None) -> dict[str, Tensor]:
+        return {"digested": digested.permute(0, 3, 1, 2)}  # channels last in memory
+
+    def steps(self, n: int) -> list[Step]:
+        return [Step("told", ("digested",), lambda x: unit(self.regressor(x)), reach=2)]
 
 
 class Filters(nn.Module):

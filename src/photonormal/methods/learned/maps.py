@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from math import pi
 from typing import Any
@@ -14,7 +14,7 @@ from torch.nn import functional as F
 
 from photonormal.methods.inputs.maps import about_view, brightest_one, observation_maps
 from photonormal.methods.learned.method import Weighted
-from photonormal.methods.learned.network import Network, at_pixels
+from photonormal.methods.learned.network import Network, PixelNetwork, Step, at_pixels
 from photonormal.methods.learned.pooling import Pooled
 from photonormal.options import Turns
 
@@ -22,7 +22,7 @@ TURNS = 2  # unless a method is asked for others
 MAPS = 256  # that a network looks at together: what it makes of them suits a processor's cache
 
 
-class MapNetwork(Network, ABC):
+class MapNetwork(PixelNetwork):
     """Normals of each pixel by itself, from its observation map.
 
     Attributes
@@ -34,8 +34,6 @@ class MapNetwork(Network, ABC):
 
     scaling = "grey"
     stride = 1
-    reach = 0
-    pointwise = True
     turns: int = TURNS
 
     def __init__(self, config: Any, channels: int = 1) -> None:
@@ -80,8 +78,11 @@ class MapNetwork(Network, ABC):
         turns = 1 if self.training else self.turns
         return [2 * pi * turn / turns for turn in range(turns)]
 
-    def look(self, digested: Float[Tensor, "b h w d"], n: int, shared: Any) -> Float[Tensor, "b 3 h w"]:
-        return F.normalize(digested[..., :3].permute(0, 3, 1, 2), dim=1)
+    def maps(self, digested: Float[Tensor, "b h w d"], shared: None) -> dict[str, Tensor]:
+        return {"mean": digested[..., :3].permute(0, 3, 1, 2)}
+
+    def steps(self, n: int) -> list[Step]:
+        return [Step("told", ("mean",), lambda N: F.normalize(N, dim=1))]
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,8 @@ Training calls the network on a batch; measuring feeds the same three steps imag
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Literal, Protocol, TypeVar, runtime_checkable
+from collections.abc import Callable
+from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -52,8 +53,6 @@ class Network(Model, ABC):
     ----------
     stride : image sizes must be multiples of it
     reach : how many pixels away an input can change an output
-    pointwise : whether `encode` and `digest` see each pixel by itself, and `begin` takes None for the lights where
-        only `look` follows
     memory : channels that follow the normals in what `decode` gives and go into the next pass, beside the normals
     teaches : what `teach` gives: "attention" (how much each pixel is an edge), "images" (rendered back), "maps" (how
         wrong those are that were interpolated, and how far from symmetric) or "" (nothing)
@@ -61,7 +60,6 @@ class Network(Model, ABC):
 
     stride: int
     reach: int
-    pointwise: bool = False
     memory: int = 0
     teaches: ClassVar[Literal["", "attention", "images", "maps"]] = ""
 
@@ -77,7 +75,7 @@ class Network(Model, ABC):
         """The pooled features of k scaled images: some of the n, or all."""
 
     def digest(self, pooled: Any, n: int, shared: Any) -> Any:
-        """What is looked at of the pooled features of all n images: rows (b, h, w, ...) where `pointwise`."""
+        """What is looked at of the pooled features of all n images."""
         return pooled
 
     @abstractmethod
@@ -122,6 +120,56 @@ class Network(Model, ABC):
             N, memory = found[-1][:, :3].detach(), found[-1][:, 3 : 3 + self.memory]
             prior = torch.cat([N, memory.to(N.dtype)], dim=1).masked_fill(outside, 0)
         return torch.cat(found) if passes > 1 else found[0]
+
+
+class Step(NamedTuple):
+    """A part of what looks around: from maps (b, d, h, w) to one map.
+
+    Attributes
+    ----------
+    gives, reads : names of that map, and of those it is made from
+    of : makes it
+    reach : how far around it sees, in pixels of the picture
+    stride : pixels of the picture to one of the map it gives, across and down
+    """
+
+    gives: str
+    reads: tuple[str, ...]
+    of: Callable[..., Tensor]
+    reach: int = 0
+    stride: int = 1
+
+
+class PixelNetwork(Network):
+    """A network that sees each pixel by itself, all its images at once, before it looks around.
+
+    `encode` and `digest` see pixels alone; `begin` takes None for the lights where only what looks around follows. That
+    is made of steps, so that a large picture can pass through them some rows after the other.
+    """
+
+    @abstractmethod
+    def maps(self, digested: Float[Tensor, "b h w c"], shared: Any) -> dict[str, Tensor]:
+        """What the steps begin with, by name."""
+
+    @abstractmethod
+    def steps(self, n: int) -> list[Step]:
+        """What `look` does after n images; the last step gives what it tells."""
+
+    @property
+    def reach(self) -> int:  # type: ignore[override]
+        """Of all steps together, a multiple of the stride."""
+        return -(-sum(step.reach for step in self.steps(1)) // self.stride) * self.stride
+
+    @abstractmethod
+    def digest(self, pooled: Any, n: int, shared: Any) -> Float[Tensor, "b h w c"]:
+        """What each pixel knows of all n images."""
+
+    def look(self, digested: Float[Tensor, "b h w c"], n: int, shared: Any) -> Float[Tensor, "b d h w"]:
+        maps, told = self.maps(digested, shared), None
+        for step in self.steps(n):
+            told = maps[step.gives] = step.of(*(maps[name] for name in step.reads))
+        assert told is not None
+        return told
 
 
 def at_pixels(lights: Float[Tensor, "b k 3 *hw"]) -> Float[Tensor, "b k 3 h w"]:

@@ -17,11 +17,11 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from photonormal.methods.learned.around import Coarse, Level, Refine, begun, starting_at
+from photonormal.methods.learned.around import Coarse, Level, Refine, begun, joined, starting_at
 from photonormal.methods.learned.frame import Encoder, Frame, Shared, shading, tokens
 from photonormal.methods.learned.layers import SLOPE, Block, conv
 from photonormal.methods.learned.method import Learned
-from photonormal.methods.learned.network import Network
+from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.methods.learned.processor import exactly
 from photonormal.options import Effort
@@ -71,13 +71,11 @@ class NormalNetConfig:
     compass: bool = True
 
 
-class NormalNet(Network):
+class NormalNet(PixelNetwork):
     """Grey images (b, n, 1, h, w) over their root mean square, lights (b, n, 3), prior (b, 3, h, w) to unit normals."""
 
     Config: ClassVar[type] = NormalNetConfig
     scaling = "grey"
-    stride = 1
-    pointwise = True
 
     def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
         super().__init__()
@@ -104,9 +102,6 @@ class NormalNet(Network):
         if c.expected:
             self.doubt = nn.Sequential(conv(c.width + 4, DOUBT), nn.Conv2d(DOUBT, 1, 3, padding=1))
         self.stride = self.coarse.stride if self.coarse else 1
-        around = sum(part.reach for part in (self.coarse, self.finish) if part is not None)
-        around += c.layers + 1 + max(2 * c.expected, 3 * c.compass)  # 3 x 3 each, the correction among them
-        self.reach = -(-around // self.stride) * self.stride
         if not self.correction.weight.is_meta:  # else the weights come from a file
             self.initialise()
 
@@ -154,17 +149,37 @@ class NormalNet(Network):
             heeded = self.heed(means.flatten(-2).to(mean.dtype))
         return self.fuse.together(x, heeded)
 
-    def look(self, digested: Float[Tensor, "b h w c"], n: int, shared: Any) -> Float[Tensor, "b d h w"]:
-        frame = shared.frame
-        x = self.level(digested.permute(0, 3, 1, 2))  # channels last in memory
-        x = self.spatial(x)
-        if self.coarse is not None:
-            x = self.coarse(x)
+    def maps(self, digested: Float[Tensor, "b h w c"], shared: Shared) -> dict[str, Tensor]:
+        frame = torch.stack(shared.frame, dim=1)  # (b, 5, h, w)
+        return {"digested": digested.permute(0, 3, 1, 2), "frame": frame}  # channels last in memory
+
+    def steps(self, n: int) -> list[Step]:
+        c, coarse = self.config, self.coarse
+        sees = 2 * (self.finish is not None) + 1 + max(2 * c.expected, 3 * c.compass)  # 3 x 3 each
+        near = Step("near", ("digested",), lambda x: self.spatial(self.level(x)), reach=c.layers)
+        if coarse is None:
+            return [near, Step("told", ("near", "frame"), lambda x, frame: self.tell(x, frame, n), reach=sees)]
+        sees = -(-(sees + 2) // 4) * 4  # joined to what is around
+        return [
+            near,
+            Step("reduced", ("near",), coarse.reduced, reach=4, stride=4),
+            Step("around", ("reduced",), coarse.around, reach=coarse.reach, stride=4),
+            Step(
+                "told",
+                ("near", "around", "frame"),
+                lambda x, y, frame: self.tell(joined(x, y), frame, n),
+                reach=sees,
+            ),
+        ]
+
+    def tell(self, x: Float[Tensor, "b c h w"], known: Float[Tensor, "b 5 h w"], n: int) -> Float[Tensor, "b d h w"]:
+        """From what was seen around to unit normals, memory and expected errors."""
+        frame = Frame(*known.unbind(1))
         if self.finish is not None:
             x = self.finish(x)
         x = self.level(x)
         correction = self.correction(x).float()
-        n_x, n_y, n_z = (torch.stack(frame[2:], dim=1) + correction).unbind(1)
+        n_x, n_y, n_z = (known[:, 2:] + correction).unbind(1)
         N = F.normalize(torch.stack([*frame.in_picture(n_x, n_y), n_z], dim=1), dim=1)
         if self.config.compass:
             N = F.normalize(N + self.polish(torch.cat([x, N.to(x.dtype)], dim=1)).float(), dim=1)

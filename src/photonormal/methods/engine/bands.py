@@ -1,0 +1,176 @@
+"""What looks around a pixel, some rows after the other: what its steps give is kept while later rows need it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from photonormal.methods.engine import plan
+from photonormal.methods.engine.pixels import Samples, digested
+from photonormal.methods.engine.prior import FirstLook
+from photonormal.methods.engine.turns import mean, turned
+from photonormal.methods.engine.windows import Box, Span, Window
+from photonormal.methods.engine.workers import side_by_side
+from photonormal.methods.learned.network import PixelNetwork, Step
+from photonormal.types import Capture
+
+Band = tuple[slice, Float[Tensor, "1 d h w"]]  # rows of a window, and what is known of them
+
+
+def looked(
+    net: PixelNetwork,
+    capture: Capture,
+    box: Box,
+    look: FirstLook,
+    window: Window,
+    device: torch.device,
+    rotations: int,
+    passes: int,
+    band: int,
+    advance: Callable[[int], None],
+) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
+    """All passes over a window, `band` rows at a time: what the network tells of its core.
+
+    `advance` is told how many samples were looked at.
+    """
+    (top, bottom), columns = (window.seen[0].start, window.seen[0].stop), window.seen[1]
+
+    def samples(rows: slice) -> Samples:
+        return Samples.of(net, capture, box, look, (_moved(rows, top), columns), device)
+
+    parts = [slice(y, min(y + band, bottom)) for y in range(top, bottom, band)]
+    found: Iterator[Band] = ((_moved(rows, -top), look.prior[:, rows, columns][None].to(device)) for rows in parts)
+    mask = box.mask[window.seen].to(device)
+    if len(mask) <= band:  # of every pass
+        samples = partial(lambda known, rows: known, samples(slice(0, len(mask))))
+    for _ in range(passes):
+        found = one_pass(net, samples, mask, found, rotations, band, advance)
+    for rows, values in found:
+        rows = _moved(rows, top)
+        within = slice(max(rows.start, window.core[0].start), min(rows.stop, window.core[0].stop))
+        if within.start < within.stop:
+            part = values[0, :, _moved(within, -rows.start), _moved(window.core[1], -columns.start)]
+            yield (within, window.core[1]), part.cpu()
+
+
+def _moved(s: slice, by: int) -> slice:
+    return slice(s.start + by, s.stop + by)
+
+
+def one_pass(
+    net: PixelNetwork,
+    samples: Callable[[slice], Samples],
+    mask: Bool[Tensor, "h w"],
+    found: Iterable[Band],
+    rotations: int,
+    most: int,
+    advance: Callable[[int], None],
+) -> Iterator[Band]:
+    """What the network tells of a window, at most `most` rows at a time, from the last pass's normals and memory.
+
+    Rows come in order, and go when those around them are there, too. `samples` gives those of some rows.
+    """
+    around: list[Around] = []
+    end = 0
+    for rows, values in found:
+        known = values[:, : 3 + net.memory] * mask[rows]
+        seen = samples(rows)
+        n = seen.I.shape[1]
+        around = around or [Around(net, n, quarters, *mask.shape) for quarters in range(rotations)]
+        pixels = digested(net, seen, known[0], rotations, advance)
+        del seen
+        told = []
+        for turn in around:
+            shared = net.begin(turned(known, turn.quarters, 1), None)
+            part = turn.add(net.maps(pixels.pop(0), shared))
+            told += [] if part is None else [turned(part, -turn.quarters, 1)]
+        for part in mean(told).split(most, dim=2) if told else ():
+            rows = slice(end, end + part.shape[2])
+            end = rows.stop
+            yield rows, part
+
+
+class Around:
+    """The steps of a network over the rows of a window, in one of four quarter turns.
+
+    Maps lie as the picture does; what they hold is turned.
+    """
+
+    def __init__(self, net: PixelNetwork, n: int, quarters: int, height: int, width: int) -> None:
+        self.steps, self.stride, self.quarters = net.steps(n), net.stride, quarters
+        self.height, self.width = height, width
+        self.kept: dict[str, Rows] = {}
+        self.done = dict.fromkeys((step.gives for step in self.steps), 0)  # rows of the picture
+
+    def add(self, maps: dict[str, Tensor]) -> Float[Tensor, "1 d q w"] | None:
+        """Further rows of the maps that the steps begin with; the rows that can be told by now, if there are any."""
+        for name, rows in maps.items():
+            self.kept.setdefault(name, Rows(1)).add(rows)
+        maps.clear()
+        for step in self.steps:
+            known = min(self.kept[name].end for name in step.reads)
+            ready = known if known == self.height else (known - step.reach) // self.stride * self.stride
+            if ready <= self.done[step.gives]:
+                return None
+            made = self.made(step, slice(self.done[step.gives], ready))
+            self.done[step.gives] = ready
+            self.forget()
+            self.kept.setdefault(step.gives, Rows(step.stride)).add(made)
+        return self.kept.pop(self.steps[-1].gives).parts[0]
+
+    def forget(self) -> None:
+        """The rows that no step needs any more."""
+        for name, rows in self.kept.items():
+            rows.forget(min(self.done[s.gives] - s.reach for s in self.steps if name in s.reads))
+
+    def made(self, step: Step, rows: slice) -> Float[Tensor, "1 d i j"]:
+        """Some rows of what a step gives, a few columns by each core."""
+        top, bottom = max(0, rows.start - step.reach), min(self.height, rows.stop + step.reach)
+        seen = [self.kept[name].between(top, bottom) for name in step.reads]
+
+        def tile(columns: slice) -> Float[Tensor, "1 d i j"]:
+            left, right = max(0, columns.start - step.reach), min(self.width, columns.stop + step.reach)
+            parts = []
+            for name, m in zip(step.reads, seen, strict=True):
+                s = self.kept[name].stride
+                parts.append(torch.rot90(m[..., left // s : right // s].float(), self.quarters, (2, 3)))
+            told, s = torch.rot90(step.of(*parts), -self.quarters, (2, 3)), step.stride
+            inside = told[..., (rows.start - top) // s : (rows.stop - top) // s, :]
+            return inside[..., (columns.start - left) // s : (columns.stop - left) // s].float()
+
+        tiles = plan.tiles(self.width, (bottom - top) // step.stride**2, step.reach, self.stride)
+        parts = side_by_side(tile, tiles, seen[0].device) if len(tiles) > 1 else [tile(tiles[0])]
+        return torch.cat(parts, dim=3) if len(parts) > 1 else parts[0]
+
+
+class Rows:
+    """Those rows of a map that are known and still needed; they are counted in rows of the picture."""
+
+    def __init__(self, stride: int) -> None:
+        self.stride, self.start, self.end = stride, 0, 0
+        self.parts: list[Float[Tensor, "1 d r w"]] = []
+
+    def add(self, rows: Float[Tensor, "1 d r w"]) -> None:
+        """What follows below."""
+        self.parts.append(rows)
+        self.end += self.stride * rows.shape[2]
+
+    def between(self, top: int, bottom: int) -> Float[Tensor, "1 d r w"]:
+        """Some of the rows."""
+        found, start = [], self.start
+        for part in self.parts:
+            end = start + self.stride * part.shape[2]
+            if start < bottom and top < end:
+                first, last = ((row - start) // self.stride for row in (max(top, start), min(bottom, end)))
+                found.append(part[:, :, first:last])
+            start = end
+        return torch.cat(found, dim=2) if len(found) > 1 else found[0]
+
+    def forget(self, before: int) -> None:
+        """The parts that lie above a row."""
+        while self.parts and self.start + self.stride * self.parts[0].shape[2] <= before:
+            self.start += self.stride * self.parts.pop(0).shape[2]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
 
 import torch
 from jaxtyping import Bool, Float
@@ -38,15 +37,18 @@ def looked(
     `advance` is told how many samples were looked at.
     """
     (top, bottom), columns = (window.seen[0].start, window.seen[0].stop), window.seen[1]
+    mask = box.mask[window.seen].to(device)
+    parts = [slice(y, min(y + band, bottom)) for y in range(top, bottom, band)]
+
+    def read(rows: slice) -> Samples:
+        return Samples.of(net, capture, box, look, (rows, columns), device)
+
+    every = read(window.seen[0]) if len(parts) == 1 else None  # of every pass
 
     def samples(rows: slice) -> Samples:
-        return Samples.of(net, capture, box, look, (_moved(rows, top), columns), device)
+        return every or read(_moved(rows, top))
 
-    parts = [slice(y, min(y + band, bottom)) for y in range(top, bottom, band)]
     found: Iterator[Band] = ((_moved(rows, -top), look.prior[:, rows, columns][None].to(device)) for rows in parts)
-    mask = box.mask[window.seen].to(device)
-    if len(mask) <= band:  # of every pass
-        samples = partial(lambda known, rows: known, samples(slice(0, len(mask))))
     for _ in range(passes):
         found = one_pass(net, samples, mask, found, rotations, band, advance)
     for rows, values in found:
@@ -80,7 +82,7 @@ def one_pass(
         known = values[:, : 3 + net.memory] * mask[rows]
         seen = samples(rows)
         n = seen.I.shape[1]
-        around = around or [Around(net, n, quarters, *mask.shape) for quarters in range(rotations)]
+        around = around or [Around(net, n, quarters, mask) for quarters in range(rotations)]
         pixels = digested(net, seen, known[0], rotations, advance)
         del seen
         told = []
@@ -100,9 +102,9 @@ class Around:
     Maps lie as the picture does; what they hold is turned.
     """
 
-    def __init__(self, net: PixelNetwork, n: int, quarters: int, height: int, width: int) -> None:
+    def __init__(self, net: PixelNetwork, n: int, quarters: int, mask: Bool[Tensor, "h w"]) -> None:
         self.steps, self.stride, self.quarters = net.steps(n), net.stride, quarters
-        self.height, self.width = height, width
+        (self.height, self.width), self.device = mask.shape, mask.device
         self.kept: dict[str, Rows] = {}
         self.done = dict.fromkeys((step.gives for step in self.steps), 0)  # rows of the picture
 
@@ -130,47 +132,49 @@ class Around:
     def made(self, step: Step, rows: slice) -> Float[Tensor, "1 d i j"]:
         """Some rows of what a step gives, a few columns by each core."""
         top, bottom = max(0, rows.start - step.reach), min(self.height, rows.stop + step.reach)
-        seen = [self.kept[name].between(top, bottom) for name in step.reads]
+        s = step.stride
 
         def tile(columns: slice) -> Float[Tensor, "1 d i j"]:
             left, right = max(0, columns.start - step.reach), min(self.width, columns.stop + step.reach)
-            parts = []
-            for name, m in zip(step.reads, seen, strict=True):
-                s = self.kept[name].stride
-                parts.append(torch.rot90(m[..., left // s : right // s].float(), self.quarters, (2, 3)))
-            told, s = torch.rot90(step.of(*parts), -self.quarters, (2, 3)), step.stride
+            seen = (self.kept[name].between((slice(top, bottom), slice(left, right))) for name in step.reads)
+            told = step.of(*(torch.rot90(part.float(), self.quarters, (2, 3)) for part in seen))
+            told = torch.rot90(told, -self.quarters, (2, 3))
             inside = told[..., (rows.start - top) // s : (rows.stop - top) // s, :]
             return inside[..., (columns.start - left) // s : (columns.stop - left) // s].float()
 
-        tiles = plan.tiles(self.width, (bottom - top) // step.stride**2, step.reach, self.stride)
-        parts = side_by_side(tile, tiles, seen[0].device) if len(tiles) > 1 else [tile(tiles[0])]
+        tiles = plan.tiles(self.width, (bottom - top) // s**2, step.reach, self.stride)
+        parts = side_by_side(tile, tiles, self.device) if len(tiles) > 1 else [tile(tiles[0])]
         return torch.cat(parts, dim=3) if len(parts) > 1 else parts[0]
 
 
 class Rows:
-    """Those rows of a map that are known and still needed; they are counted in rows of the picture."""
+    """Those rows of a map that are known and still needed, of `stride` rows of the picture each."""
 
     def __init__(self, stride: int) -> None:
-        self.stride, self.start, self.end = stride, 0, 0
+        self.stride, self.start = stride, 0  # number of the first one
         self.parts: list[Float[Tensor, "1 d r w"]] = []
 
     def add(self, rows: Float[Tensor, "1 d r w"]) -> None:
         """What follows below."""
         self.parts.append(rows)
-        self.end += self.stride * rows.shape[2]
 
-    def between(self, top: int, bottom: int) -> Float[Tensor, "1 d r w"]:
-        """Some of the rows."""
+    @property
+    def end(self) -> int:
+        """The row of the picture where they end."""
+        return self.stride * (self.start + sum(part.shape[2] for part in self.parts))
+
+    def between(self, seen: Span) -> Float[Tensor, "1 d r w"]:
+        """A part of them; columns are counted in those of the picture, too."""
+        rows, columns = (slice(s.start // self.stride, s.stop // self.stride) for s in seen)
         found, start = [], self.start
         for part in self.parts:
-            end = start + self.stride * part.shape[2]
-            if start < bottom and top < end:
-                first, last = ((row - start) // self.stride for row in (max(top, start), min(bottom, end)))
-                found.append(part[:, :, first:last])
+            end = start + part.shape[2]
+            if start < rows.stop and rows.start < end:
+                found.append(part[:, :, max(rows.start, start) - start : min(rows.stop, end) - start, columns])
             start = end
         return torch.cat(found, dim=2) if len(found) > 1 else found[0]
 
     def forget(self, before: int) -> None:
-        """The parts that lie above a row."""
-        while self.parts and self.start + self.stride * self.parts[0].shape[2] <= before:
-            self.start += self.stride * self.parts.pop(0).shape[2]
+        """The parts that lie above a row of the picture."""
+        while self.parts and self.stride * (self.start + self.parts[0].shape[2]) <= before:
+            self.start += self.parts.pop(0).shape[2]

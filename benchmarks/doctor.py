@@ -262,6 +262,18 @@ def half_turned(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     return I
 
 
+def third_moved(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
+    """Every third picture by one pixel to the right and two up."""
+    I[::3] = np.roll(I[::3], (-2, 1), axis=(1, 2))
+    return I
+
+
+def half_quarter_turned(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
+    """The second half of the pictures by a quarter turn."""
+    I[len(I) // 2 :] = np.rot90(I[len(I) // 2 :], 1, axes=(1, 2))
+    return I
+
+
 def one_brighter(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     """One picture, 1.6 times."""
     return I * np.where(np.arange(len(I)) == g.integers(len(I)), 1.6, 1)[:, None, None, None]
@@ -293,6 +305,8 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
     "ambient 1.0": (with_pictures(lambda I, g: I + I.mean(0)), {"ambient", "encoding"}),
     "sRGB": (with_pictures(encoded), {"encoding", "ambient"}),
     "lamps at 2 widths": (None, {"near"}),
+    "a third moved": (with_pictures(third_moved), {"motion"}),
+    "half turned by a quarter": (with_pictures(half_quarter_turned), {"turned"}),
 }
 JUDGED = {
     "order",

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photonormal.doctor import check
-from photonormal.doctor.motion import Pictures
+from photonormal.doctor.laid import Pictures
 from photonormal.doctor.turned import turned, turns
 from photonormal.types import Capture
 from tests.doctor.test_explanations import shining
@@ -12,6 +12,7 @@ from tests.doctor.test_motion import LIGHTS, shiny
 from tests.scenes import sphere
 
 NAMES = [f"{j}.png" for j in range(len(LIGHTS))]
+MIDDLE = (44.5, 44.5)
 
 
 @pytest.fixture(scope="module")
@@ -28,21 +29,41 @@ def test_turned_pictures_are_found_with_their_turns(rough, group, quarters):
     expected = np.zeros(len(images), int)
     expected[group] = quarters
     assert (turns(Pictures.of(images)) == expected).all()
-    (found,) = turned(images, NAMES)
+    (found,) = turned(images, MIDDLE, True, NAMES)
     assert found.grave and f"turned by {90 * quarters} degrees" in found.message
 
 
 def test_pictures_that_lie_alike_are_not_turned(rough):
     y, x = np.mgrid[:90, :90].astype(float)
     for images in (rough, shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))):
-        assert turned(images, NAMES) == []
+        assert turned(images, MIDDLE, True, NAMES) == []
 
 
-def test_a_weave_says_nothing_of_half_a_turn():
+def test_of_a_weave_those_that_are_turned_are_told():
+    """Half a turn leaves the threads where they are, but not all of what they show."""
     y, x = np.mgrid[:90, :110].astype(float)
     images = shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))
+    assert turned(images, (44.5, 54.5), False, NAMES) == []
     images[::3] = np.rot90(images[::3], 2, axes=(1, 2))
-    assert turned(images, NAMES) == []
+    (found,) = turned(images, (44.5, 54.5), False, NAMES)
+    assert list(found.numbers["turns_deg"]) == NAMES[::3]
+
+
+def test_what_is_the_same_from_both_sides_says_nothing_of_half_a_turn():
+    y, x = np.mgrid[:90, :110] - np.array([44.5, 54.5])[:, None, None]
+    images = shiny(1.5 * np.sin(0.9 * x) * np.sin(0.9 * y))
+    images[::3] = np.rot90(images[::3], 2, axes=(1, 2))
+    assert turned(images, (44.5, 54.5), False, NAMES) == []
+
+
+def test_turns_are_about_the_frame_s_middle(rough):
+    """Of an object beside it only what also lies there once turned is compared."""
+    images = rough.copy()
+    images[::3] = np.rot90(images[::3], 2, axes=(1, 2))
+    box = images[:, 8:, :80]
+    (found,) = turned(box, (36.5, 44.5), True, NAMES)
+    assert list(found.numbers["turns_deg"]) == NAMES[::3]
+    assert turned(images[:, 60:], (-15.5, 44.5), True, NAMES) == []
 
 
 @pytest.mark.parametrize("exponent", [5, 100])

@@ -29,7 +29,8 @@ def check(capture: Capture) -> list[Finding]:
     I, mask = samples.on_object(s)
     white = exposure.saturation(s, capture)
     found += [*white, *exposure.darkness(I, names), *exposure.bits(s, I, capture), *samples.no_mask(s.mask, mask)]
-    if lie_otherwise := turned.turned(s.small, names):
+    height, width = capture.mask.shape
+    if lie_otherwise := turned.turned(s.small, s.middle, height == width, names):
         return sorted([*found, *lie_otherwise], key=lambda f: not f.grave)
     if capture.lights is not None and (s.I > 0).any():
         found += coverage.coverage(capture.lights)

@@ -32,6 +32,7 @@ class Samples:
     saturated : (n,) fraction of the mask's samples
     level : (n,) median grey level inside the mask, as a fraction of full scale
     small : (n, a, b) grey pictures of the mask's box at `scale`
+    middle : where in them, row and column, the middle of the frame lies
     bits : 8, 12 or 16 that the samples really use; None for floats
     """
 
@@ -42,6 +43,7 @@ class Samples:
     level: Float[np.ndarray, " n"]
     small: Float[np.ndarray, "n a b"]
     scale: float
+    middle: tuple[float, float]
     bits: int | None
 
 
@@ -91,6 +93,7 @@ def read(capture: Capture) -> Samples:
         np.array(level),
         np.stack(small),
         scale,
+        (_middle(rows, mask.shape[0], scale), _middle(columns, mask.shape[1], scale)),
         max(bits) if kind.kind == "u" else None,
     )
 
@@ -136,6 +139,11 @@ def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:
     if (values % 257 == 0).all():
         return 8
     return 12 if values.max() <= 4095 else 16
+
+
+def _middle(part: slice, size: int, scale: float) -> float:
+    """Where the middle of `size` pixels lies in a part of them that is made smaller."""
+    return scale * (size / 2 - part.start) - 0.5
 
 
 def _small(grey: np.ndarray, scale: float) -> np.ndarray:

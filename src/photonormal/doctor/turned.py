@@ -2,21 +2,19 @@
 
 A camera that looks down notes at random how it is held. Pictures are laid on one of them as in `motion`, each at
 whichever turn fits best. Those at another turn than most are told if the others explain them far better once they are
-turned back.
+turned back. What is turned is the frame, so that only what lies evenly about its middle is looked at.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from photonormal.doctor.finding import Finding, listed
-from photonormal.doctor.motion import Pictures, clearly_less, fit_elsewhere, laid_in_turn, tell
-
-EXPLAINED = 0.7  # detail of the turned pictures that the others leave unexplained once they are turned back, of before
-LOST = 0.5  # of their detail that is left unexplained as they are: what is round fits at any turn
+from photonormal.doctor.laid import Pictures, laid_in_turn, lay_otherwise, tell
 
 
 def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
@@ -34,15 +32,24 @@ def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
     group = found > 0
     if not group.any() or 2 * group.sum() > n:
         return np.zeros(n, int)
-    upright = Pictures(np.stack([np.rot90(d, -k) for d, k in zip(detail, found, strict=True)]), shown.reach)
-    r, before, after, whole = shown.reach, 0.0, 0.0, 0.0
-    for j in np.flatnonzero(group).tolist():
-        U = shown.principal(~group, j)
-        before, after = before + shown.rest(j, U, r, r), after + upright.rest(j, U, r, r)
-        whole += shown.gram[j, j]
-    change = np.log(after / before)
-    better = np.sum(before) > LOST * whole and change.mean() < np.log(EXPLAINED) and clearly_less(change)
-    return found if better and not fit_elsewhere(upright, group) else np.zeros(n, int)
+    often = int(np.bincount(found[group]).argmax())
+    put_back, moved = (_turned_back(shown, k) for k in (found, np.where(group, 0, -often)))
+    return found if lay_otherwise(shown, put_back, moved, group) < 0 else np.zeros(n, int)
+
+
+def _turned_back(shown: Pictures, quarters: Int[np.ndarray, " n"]) -> Pictures:
+    return replace(shown, detail=np.stack([np.rot90(d, -k) for d, k in zip(shown.detail, quarters, strict=True)]))
+
+
+def about(
+    pictures: Float[np.ndarray, "n a b"], middle: tuple[float, float], square: bool
+) -> Float[np.ndarray, "n c d"]:
+    """What lies evenly about the frame's `middle` (row, column); where the frame is `square` a square of it."""
+    sizes = [max(0, int(2 * min(m + 0.5, size - m - 0.5))) for m, size in zip(middle, pictures.shape[1:], strict=True)]
+    if square:
+        sizes = [min(sizes)] * 2
+    rows, columns = (slice(k := round(m + 0.5 - size / 2), k + size) for m, size in zip(middle, sizes, strict=True))
+    return pictures[:, rows, columns]
 
 
 def _laid(A: Float[np.ndarray, "k n q"]) -> Int[np.ndarray, " n"]:
@@ -56,8 +63,11 @@ def _laid(A: Float[np.ndarray, "k n q"]) -> Int[np.ndarray, " n"]:
     return laid_in_turn(alike, np.tile(size[:, None], len(A)), lambda j, k: A[k, j], like)
 
 
-def turned(pictures: Float[np.ndarray, "n a b"], names: list[str]) -> list[Finding]:
-    """Pictures that are turned by quarters of a turn."""
+def turned(
+    pictures: Float[np.ndarray, "n a b"], middle: tuple[float, float], square: bool, names: list[str]
+) -> list[Finding]:
+    """Pictures that are turned by quarters of a turn about the frame's `middle` (row, column)."""
+    pictures = about(pictures, middle, square)
     if not tell(pictures):
         return []
     found = turns(Pictures.of(pictures))

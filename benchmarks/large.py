@@ -1,6 +1,7 @@
 """Large captures, made here and measured in a process of their own: what a measurement takes in time, memory and disk.
 
     python benchmarks/large.py [--megapixels 24] [--images 48] [--format jpg] [--method trimmed] [--memory 2GB]
+        [--materials]
 
 Two scenes: a relief that fills the frame, and a turned object before black, about half as large. JPEGs have 8 bits,
 TIFFs (`--format tif`) 16 and no compression. Where the disk holds fewer images than were asked for, as many as it holds
@@ -176,7 +177,7 @@ def measured(capture: str, arguments: argparse.Namespace) -> None:
     sys.modules[pn.measure.__module__]._stage = stages.stage
     loaded = pn.load(capture, memory=arguments.memory)
     with tempfile.TemporaryDirectory(dir=arguments.folder) as out:
-        result = pn.measure(loaded, arguments.method, integration=arguments.integration)
+        result = pn.measure(loaded, arguments.method, integration=arguments.integration, materials=arguments.materials)
         with stages.stage("export", {}), whole_folder(Path(out) / "result") as batch:
             report = write_result(result, batch)
         written = sum(report["files"].values())
@@ -237,6 +238,7 @@ def main() -> None:
     parser.add_argument("--scene", choices=SCENES, nargs="+", default=SCENES)
     parser.add_argument("--method", default="trimmed")
     parser.add_argument("--integration", default="quadratic")
+    parser.add_argument("--materials", action="store_true", help="roughness and metalness, too")
     parser.add_argument("--exact", action="store_true", help="integrate exact normals alone, without photographs")
     parser.add_argument("--memory", default="2GB", help="what photonormal is told to stay within")
     parser.add_argument("--folder", type=Path, default=Path(tempfile.gettempdir()), help="where captures are made")

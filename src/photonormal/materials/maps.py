@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.files import memory
 from photonormal.masked import row_bands
-from photonormal.materials.lobes import BARE, ROUGHNESS, fitted, likeliest, log_likelihood, samples
+from photonormal.materials.lobes import BARE, ROUGHNESS, Samples, fitted, likeliest, log_likelihood, samples
 from photonormal.materials.neighbours import RADIUS, company, pooled
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
@@ -20,7 +22,8 @@ from photonormal.types import Capture, Materials, Normals, box_of
 
 CPU = torch.device("cpu")
 PIXELS = 2**11  # whose lobes are computed at a time: they fit into a cache
-LEVELS = 8  # grey levels that take as much memory as what is found of a pixel
+SHARE = 1 / 8  # of the memory for what is held of some rows at a time:
+SAMPLE, FOUND = 4, 160  # bytes of each sample, and of what is found of a pixel on the way
 FITTED = ("albedo", "F0", "alone", "told", "certain")
 AROUND = 3 * RADIUS  # rows that help to tell: neighbours choose the roughness, say if it is told, and whether metal
 SATURATED = 0.995  # of the largest sample, from which one tells too little
@@ -51,29 +54,29 @@ def materials_of(capture: Capture, normals: Normals) -> Materials:
     )
     columns = box_of(capture.mask)[1]
     with progress("materials", int(capture.mask.sum())) as advance:
-        for rows in row_bands(capture.mask, max(1, min(plan.pixels(capture), plan.levels() // LEVELS))):
+        for rows in row_bands(capture.mask, _pixels(capture)):
             around = slice(max(0, rows.start - AROUND), min(h, rows.stop + AROUND))
             _fill(found, capture, normals, rows, around, columns)
             advance(int(capture.mask[rows].sum()))
     return found
 
 
+def _pixels(capture: Capture) -> int:
+    """How many are worked on at a time; InputError if a row of them does not fit into the memory."""
+    n, _, _, c = capture.images.shape
+    return max(1, min(plan.pixels(capture), int(SHARE * memory.allowed()) // (SAMPLE * n * c + FOUND)))
+
+
 def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, around: slice, columns: slice) -> None:
     """The maps in some rows, which those `around` them help to tell."""
     on = normals.mask[around, columns]
-    seen = list(_seen(capture, normals, around, columns))
-    if not seen:
+    if not on.any():
         return
+    seen = list(_seen(capture, normals, around, columns))
     where = torch.from_numpy(on)
-    likelihood = torch.zeros(*on.shape, len(ROUGHNESS))
-    colour = torch.zeros(*on.shape, capture.images.shape[3])
-    each = side_by_side(_guessed, seen, CPU)
-    likelihood[where], colour[where] = (torch.cat(values) for values in zip(*each, strict=True))
-    del each
-    roughness = likeliest(pooled(likelihood, colour)[where])
-    del likelihood
-    parts = zip(seen, roughness.split([len(part[0]) for part in seen]), strict=True)
-    fits = side_by_side(lambda part: fitted(samples(*part[0]), part[1]), parts, CPU)
+    roughness = _roughness(seen, where, capture.images.shape[3])
+    parts = zip(seen, roughness.split(PIXELS), strict=True)
+    fits = side_by_side(lambda part: fitted(part[0].samples(), part[1]), parts, CPU)
     rho, F0, alone, told, certain = (torch.cat([getattr(fit, name) for fit in fits]) for name in FITTED)
 
     def believed(which: Tensor) -> Tensor:
@@ -99,15 +102,21 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
         map[around, columns][kept] = values[mine].numpy()
 
 
-def _guessed(part: tuple[Tensor, Tensor, Tensor, Tensor]) -> tuple[Tensor, Tensor]:
-    s = samples(*part)
-    return log_likelihood(s), s.albedo
+@dataclass(frozen=True)
+class Seen:
+    """Radiance, normals and lights of some pixels, and from which radiance on a channel is saturated."""
+
+    I: Float[Tensor, "p n c"]
+    N: Float[Tensor, "p 3"]
+    L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"]
+    white: Float[Tensor, "*n_c"]
+
+    def samples(self) -> Samples:
+        return samples(self.I, self.N, self.L, self.I >= self.white)
 
 
-def _seen(
-    capture: Capture, normals: Normals, rows: slice, columns: slice
-) -> Iterator[tuple[Tensor, Tensor, Tensor, Tensor]]:
-    """Radiance, normals, lights and which samples are saturated of the normals' pixels in a window, some at a time."""
+def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> Iterator[Seen]:
+    """What is seen of the normals' pixels in a window, some at a time."""
     on, asked = normals.mask[rows, columns], capture.mask[rows, columns]
     I = torch.from_numpy(capture.samples(rows, columns, on))  # (p, n, c)
     white = np.inf if capture.saturation is None else np.asarray(capture.saturation, np.float32)
@@ -119,7 +128,26 @@ def _seen(
         part = slice(first, first + PIXELS)
         if capture.lights_at is not None:
             lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
-        yield I[part], N[part], lights, I[part] >= white
+        yield Seen(I[part], N[part], lights, white)
+
+
+def _roughness(seen: list[Seen], where: Bool[Tensor, "h w"], channels: int) -> Float[Tensor, " p"]:
+    """The likeliest one of each pixel and its neighbours."""
+    likelihood, colour = torch.zeros(*where.shape, len(ROUGHNESS)), torch.zeros(*where.shape, channels)
+    numbers = where.flatten().nonzero()[:, 0].split(PIXELS)
+
+    def guess(part: tuple[Seen, Tensor]) -> None:
+        s = part[0].samples()
+        likelihood.view(-1, len(ROUGHNESS))[part[1]] = log_likelihood(s)
+        colour.view(-1, channels)[part[1]] = s.albedo
+
+    def choose(rows: slice) -> Tensor:
+        around = slice(max(0, rows.start - RADIUS), rows.stop + RADIUS)
+        mine = slice(rows.start - around.start, rows.stop - around.start)
+        return likeliest(pooled(likelihood[around], colour[around], mine)[where[rows]])
+
+    side_by_side(guess, zip(seen, numbers, strict=True), CPU)
+    return torch.cat(side_by_side(choose, row_bands(where.numpy(), PIXELS), CPU))
 
 
 def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"], certain: Bool[Tensor, " p"]) -> Float[Tensor, " p"]:

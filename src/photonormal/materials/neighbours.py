@@ -11,20 +11,25 @@ RADIUS = 2  # pixels, in rows and columns
 ALIKE = 0.25  # standard deviation of a relative difference of colours
 
 
-def pooled(values: Float[Tensor, "h w r"], colour: Float[Tensor, "h w c"]) -> Float[Tensor, "h w r"]:
-    """Sum of the values of a pixel's neighbours, each times how much its colour is alike; colours 0 are nobody's."""
+def pooled(values: Float[Tensor, "h w r"], colour: Float[Tensor, "h w c"], rows: slice) -> Float[Tensor, "k w r"]:
+    """In some rows, the sum of the values of a pixel's neighbours, each times how much its colour is alike.
+
+    Colours 0 are nobody's.
+    """
     h, w, _ = values.shape
-    out = values.clone()
+    size = colour.norm(dim=-1)
+    out = values[rows].clone()
     for dy in range(-RADIUS, RADIUS + 1):
+        first, last = max(rows.start, -dy), min(rows.stop, h - max(0, dy))
         for dx in range(-RADIUS, RADIUS + 1):
-            if (dy, dx) == (0, 0) or abs(dy) >= h or abs(dx) >= w:
+            if (dy, dx) == (0, 0) or first >= last or abs(dx) >= w:
                 continue
-            here = slice(max(0, -dy), h - max(0, dy)), slice(max(0, -dx), w - max(0, dx))
-            there = slice(max(0, dy), h + min(0, dy)), slice(max(0, dx), w + min(0, dx))
-            a, b = colour[here], colour[there]
-            size = (a.norm(dim=-1) + b.norm(dim=-1)).clamp(min=1e-12) / 2
-            weight = torch.exp(-0.5 * ((a - b).norm(dim=-1) / size / ALIKE).square())
-            out[here] += weight[..., None] * values[there]
+            here = slice(first, last), slice(max(0, -dx), w - max(0, dx))
+            there = slice(first + dy, last + dy), slice(max(0, dx), w + min(0, dx))
+            level = (size[here] + size[there]).clamp(min=1e-12) / 2
+            apart = (colour[here] - colour[there]).norm(dim=-1) / level
+            weight = torch.exp(-0.5 * (apart / ALIKE).square())
+            out[first - rows.start : last - rows.start, here[1]].addcmul_(weight[..., None], values[there])
     return out
 
 

@@ -1,6 +1,6 @@
 import numpy as np
 
-from photonormal.masked import numbered, on_map, picked, row_bands, taken
+from photonormal.masked import means, numbered, on_map, picked, row_bands, taken
 
 
 def test_bands_hold_every_pixel_once_and_few_of_them():
@@ -26,3 +26,11 @@ def test_what_is_picked_is_what_a_mask_picks():
     mask, map = random.random((30, 40)) > 0.3, random.random((30, 50, 3)).astype(np.float32)
     assert np.array_equal(picked(map[:, :40], mask), map[:, :40][mask])
     assert np.array_equal(picked(map[:, :40, 0], mask), map[:, :40, 0][mask])
+
+
+def test_means_over_squares_count_what_is_left_over_at_the_edge_again():
+    map = np.arange(35.0).reshape(5, 7)
+    found = means(map, 2)
+    assert found.shape == (3, 4) and means(map, 1) is map
+    assert found[0, 0] == map[:2, :2].mean() and found[2, 0] == map[4, :2].mean() and found[2, 3] == map[4, 6]
+    assert np.array_equal(means(np.stack([map, -map], -1), 2), np.stack([found, -found], -1))

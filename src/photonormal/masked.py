@@ -1,4 +1,4 @@
-"""Values at a mask's pixels, row by row, and the maps that they lie on; a few rows at a time, for large frames."""
+"""Values at a mask's pixels and the maps that they lie on, a few rows at a time for large frames; smaller maps."""
 
 from __future__ import annotations
 
@@ -55,3 +55,12 @@ def on_map(
     for rows, pixels in numbered(mask):
         map[rows][mask[rows]] = values[pixels]
     return map
+
+
+def means(map: Shaped[np.ndarray, "h w ..."], step: int) -> Shaped[np.ndarray, "rows columns ..."]:
+    """Over squares of `step` pixels a side; at the lower and right edge what there is of them counts again."""
+    if step == 1:
+        return map
+    h, w = map.shape[:2]
+    padded = np.pad(map, ((0, -h % step), (0, -w % step), *[(0, 0)] * (map.ndim - 2)), mode="edge")
+    return padded.reshape(-(-h // step), step, -(-w // step), step, *map.shape[2:]).mean((1, 3))

@@ -23,6 +23,6 @@ def test_of_a_large_frame_the_photograph_is_shown_by_means():
     shown = photograph(result, np.s_[4:h, 1:w])
     np.testing.assert_allclose(shown[0, 0], image[0, 4:7, 1:4].mean((0, 1)), rtol=1e-5)
     np.testing.assert_allclose(shown[700, 3], image[0, 2104:2107, 10:13].mean((0, 1)), rtol=1e-5)
-    assert shown.shape == (998, 16, 3)
+    assert shown.shape == (999, 17, 3)
     small = photograph(result, np.s_[0:900, 0:w])
     assert np.array_equal(small, image[0, :900])

@@ -17,6 +17,7 @@ from photonormal.export.lights import lp, table
 from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, PREVIEW_HEIGHT, preview, thumbnail
+from photonormal.masked import means
 from photonormal.png import SRGB, by_rows, encode_png
 from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface, box_of, cores
@@ -125,12 +126,6 @@ def photograph(result: Result, box: tuple[slice, slice]) -> np.ndarray:
     step = max(1, (rows.stop - rows.start) // (2 * PREVIEW_HEIGHT))
     if step == 1:
         return capture.window(j, rows, columns)
-    tops = range(rows.start, rows.stop - step + 1, step * ROWS)
+    tops = range(rows.start, rows.stop, step * ROWS)
     spans = [slice(top, min(top + step * ROWS, rows.stop)) for top in tops]
     return np.concatenate([means(capture.window(j, span, columns), step) for span in spans])
-
-
-def means(picture: np.ndarray, step: int) -> np.ndarray:
-    """Of squares of `step` pixels a side; what is left over at the end is left out."""
-    h, w = (side // step for side in picture.shape[:2])
-    return picture[: h * step, : w * step].reshape(h, step, w, step, -1).mean((1, 3))

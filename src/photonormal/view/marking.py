@@ -21,6 +21,7 @@ from photonormal.crop import Crop
 from photonormal.disk import at_once
 from photonormal.export import lights as text
 from photonormal.export.mesh import display
+from photonormal.masked import means
 from photonormal.options import Coordinate, Positive, Whole
 from photonormal.png import encode_png
 from photonormal.progress import progress
@@ -70,7 +71,7 @@ class Marking:
         self.step = -(-max(h, w) // SIDE)
         self.white = max(float(self.images[0].max()), 1e-9) if self.images.dtype.kind == "f" else 1.0
         with progress(f"reading {len(self.paths)} photographs"):
-            self.grey = images_of(self.images, lambda image: _reduced(image.mean(-1), self.step).astype(np.float16))
+            self.grey = images_of(self.images, lambda image: means(image.mean(-1), self.step).astype(np.float16))
         self.shown = self.grey[0].shape  # (rows, columns) on the page
         self.mask, self.origin = self._suggested()
         self.lights = self._given_lights()
@@ -92,7 +93,7 @@ class Marking:
 
     def picture(self, j: int) -> bytes:
         """Photograph j as WebP."""
-        level = _reduced(self.images[j] / self.white, self.step)
+        level = means(self.images[j] / self.white, self.step)
         scale = max(float(np.quantile(level, 0.995)), 1e-6)
         return colours(display(np.broadcast_to(level / scale, (*self.shown, 3))))
 
@@ -173,7 +174,7 @@ class Marking:
         """The folder's mask, one from the shading, or the whole frame; and which of them it is."""
         path = find_mask(self.folder)
         if path is not None:
-            return _reduced(read_mask(path, self.images.shape[1:3]).astype(np.float32), self.step) > 0.5, path.name
+            return means(read_mask(path, self.images.shape[1:3]).astype(np.float32), self.step) > 0.5, path.name
         try:
             return mask_from_shading(np.stack(evenly(self.grey, MASK_PICTURES)).astype(np.float32)), "found"
         except InputError:
@@ -231,15 +232,6 @@ def _enlarged(mask: np.ndarray, step: int, shape: tuple[int, int]) -> np.ndarray
     h, w = mask.shape
     whole = cv2.resize(mask.astype(np.float32), (w * step, h * step), interpolation=cv2.INTER_LINEAR)
     return whole[: shape[0], : shape[1]] > 0.5
-
-
-def _reduced(image: np.ndarray, step: int) -> np.ndarray:
-    """Means over step x step pixels; at the lower and right edge what there is of them counts again."""
-    if step == 1:
-        return image
-    h, w = image.shape[:2]
-    padded = np.pad(image, ((0, -h % step), (0, -w % step), *[(0, 0)] * (image.ndim - 2)), mode="edge")
-    return padded.reshape(-(-h // step), step, -(-w // step), step, *image.shape[2:]).mean((1, 3))
 
 
 def _moved(circle: Circle, scale: float) -> Circle:

@@ -36,6 +36,13 @@ def test_a_light_that_was_left_out_is_shown_as_the_photograph_is(measured, tmp_p
     assert np.sqrt(((shown[mask] - from_linear((gain * truth[mask]).clip(0, 1))) ** 2).mean()) < 0.06
 
 
+def test_a_light_far_from_those_of_the_photographs_is_said_to_be_a_guess(measured, tmp_path, caplog):
+    words = ["export", str(measured / "r"), "--out", str(tmp_path / "a.png"), "--overwrite", "--relit"]
+    assert main([*words, "40,30"]) == 0 and not caplog.messages
+    assert main([*words, "40,2", "--by", "matt"]) == 0 and not caplog.messages
+    assert main([*words, "40,2", "--by", "hsh16"]) == 0 and "elevations of 18 to 81" in caplog.messages[-1]
+
+
 def test_matt_is_albedo_times_the_cosine(measured, tmp_path):
     out = tmp_path / "a.png"
     assert main(["export", str(measured / "r"), "--relit", "0,90", "--by", "matt", "--out", str(out)]) == 0

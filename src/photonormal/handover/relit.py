@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -23,11 +24,14 @@ from photonormal.relighting.pictures import Relit, direction, fitted, matt
 from photonormal.types import InputError, Normals, box_of
 from photonormal.view.result import report_of
 
+log = logging.getLogger(__name__)
+
 ELEVATION = 45.0  # degrees, of a sweep unless said
 STEPS = 72  # of a light that goes around
 SIDE = 960  # pixels of a film's longer side, at most
 MATT = "matt"  # by normals and albedo alone
 FITS = ("hsh", "ptm", "hsh16")
+STRETCHED = 8  # weights of the photographs, all positive, above which a picture shows what none of them does
 
 
 def export_relit(
@@ -65,19 +69,20 @@ def export_relit(
     if by not in (*FITS, MATT):
         raise InputError(f"--by {by[:40]!r} came but {', '.join(FITS)} or {MATT} is needed; choose one.")
     refuse_taken([out], overwrite)
+    lights = [direction(azimuth + 360 * step / STEPS, elevation) for step in range(STEPS if sweep else 1)]
     with (
-        _matt(result) if by == MATT else _fitted(result, capture, by, out, overwrite) as relit,
+        _matt(result) if by == MATT else _fitted(result, capture, by, lights, out, overwrite) as relit,
         at_once(out.parent) as to,
     ):
         if not sweep:
-            to.write(out.name, encode_png(relit(direction(azimuth, elevation)), SRGB))
+            to.write(out.name, encode_png(relit(lights[0]), SRGB))
             return out
         small = relit.reduced(SIDE, multiple=2)
         with progress("film", STEPS) as advance:
 
             def frames() -> Iterator:
-                for step in range(STEPS):
-                    yield small(direction(azimuth + 360 * step / STEPS, elevation))
+                for light in lights:
+                    yield small(light)
                     advance()
 
             films.write(frames(), to / out.name)
@@ -98,10 +103,21 @@ def _angles(text: str) -> tuple[float, float]:
 
 
 @contextmanager
-def _fitted(result: Path, capture: Path | None, by: str, out: Path, overwrite: bool) -> Iterator[Relit]:
+def _fitted(
+    result: Path, capture: Path | None, by: str, lights: list[np.ndarray], out: Path, overwrite: bool
+) -> Iterator[Relit]:
     photographs, read = photographs_needed(result, capture, f"--by {by} is", otherwise="or choose --by matt")
     refuse_taken([out], overwrite, read)
-    with fitted(photographs, FORMATS[by].basis) as relit:
+    known, basis = photographs.known_lights(), FORMATS[by].basis
+    if (np.abs(basis(np.stack(lights)) @ np.linalg.pinv(basis(known))).sum(1) > STRETCHED).any():
+        lowest, highest = np.degrees(np.arcsin(np.clip([known[:, 2].min(), known[:, 2].max()], -1, 1)))
+        log.warning(
+            "the photographs show lights at elevations of %.0f to %.0f degrees; far from them the picture is a guess. "
+            "Ask for a light nearer to theirs, or choose --by matt.",
+            lowest,
+            highest,
+        )
+    with fitted(photographs, basis) as relit:
         yield relit
 
 

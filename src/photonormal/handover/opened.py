@@ -48,7 +48,6 @@ def photographs_needed(result: Path, given: Path | None, what: str, otherwise: s
     found, missing = photographs_of(report, given, mask.shape)
     if found is None:
         said = f"{(missing or '').removesuffix('.')}, {otherwise}." if otherwise else missing
-        where = f" They were in {report['source']}." if "source" in report else ""
-        raise InputError(f"{what} fitted to the photographs of {result}, which are not there.{where} {said}")
+        raise InputError(f"{what} fitted to the photographs of {result}. {said}")
     distant = found if found.lamps is None else seen_as_distant(found, load_normals(result))
     return distant, files_read(given or report.get("source", ""), found)

@@ -235,7 +235,10 @@ def photographs_of(
     try:
         found = load(source, **report.get("reading", {}))
         if found.mask.shape != shape:
-            raise InputError(f"{source} holds photographs of {found.mask.shape} but the normals are {shape}.")
+            raise InputError(
+                f"{source} holds photographs of {found.mask.shape} but the normals are {shape}; give those that were "
+                "measured."
+            )
         if lit := report.get("found_lights"):
             found = lit_by(found, lit)
         _ = found.images[0]
@@ -243,7 +246,7 @@ def photographs_of(
     except (InputError, TypeError) as error:
         if given is not None:
             raise InputError(f"--capture: {error}") from None
-        return None, "The photographs are no longer where the report says; name them with --capture."
+        return None, f"The photographs are no longer in {source}; name them with --capture."
 
 
 def lit_by(capture: Capture, lit: Lit) -> Capture:

@@ -11,12 +11,11 @@ from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.geometry import angle_deg, fibonacci_hemisphere
 from photonormal.methods import METHODS, configure, expected, parse, solve
+from photonormal.methods.evidence import EVIDENCE, evidence_of
 from photonormal.methods.expected import (
-    EVIDENCE,
     Calibration,
     calibration_of,
     calibrations,
-    evidence_of,
     terms,
     with_expected_error,
 )

@@ -90,4 +90,6 @@ def test_a_shader_shows_what_relit_shows(tmp_path):
                 off = np.abs(seen - relit(light) / 255)
             assert off.mean() < 0.015 and np.quantile(off, 0.99) < 0.06, (kind, off.mean(), np.quantile(off, 0.99))
         assert not browser.errors()
+        browser.call("POST", "/url", {"url": (folder / "index.html").as_uri()})
+        assert "from a web server" in browser.text("#view")
         server.shutdown()

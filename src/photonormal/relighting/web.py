@@ -98,15 +98,22 @@ PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Relightable picture</title>
 <link rel="stylesheet" href="{version}/css/skin.css">
-<style>html, body, #view {{ width: 100%; height: 100%; margin: 0; background: black; }}</style>
+<style>html, body, #view {{ width: 100%; height: 100%; margin: 0; background: black; color: silver; font: 1em sans-serif; }}</style>
 </head>
 <body>
 <div id="view"></div>
 <script src="{version}/js/openlime.min.js"></script>
 <script>
-const viewer = new OpenLIME.Viewer("#view", {{ background: "black" }});
-viewer.addLayer("rti", new OpenLIME.Layer({{ type: "rti", url: "info.json", layout: "{layout}" }}));
-new OpenLIME.UIBasic(viewer, {{ skin: "{version}/skin/skin.svg" }});
+const view = document.querySelector("#view");
+if (location.protocol === "file:") {{
+  view.textContent = "Browsers show this page from a web server alone, such as: python -m http.server";
+}} else if (typeof OpenLIME === "undefined") {{
+  view.textContent = "OpenLIME, which shows the picture, did not come from {version}. Is there a network?";
+}} else {{
+  const viewer = new OpenLIME.Viewer("#view", {{ background: "black" }});
+  viewer.addLayer("rti", new OpenLIME.Layer({{ type: "rti", url: "info.json", layout: "{layout}" }}));
+  new OpenLIME.UIBasic(viewer, {{ skin: "{version}/skin/skin.svg" }});
+}}
 </script>
 </body>
 </html>

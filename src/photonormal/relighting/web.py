@@ -98,7 +98,9 @@ PAGE = """<!doctype html>
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>Relightable picture</title>
 <link rel="stylesheet" href="{version}/css/skin.css">
-<style>html, body, #view {{ width: 100%; height: 100%; margin: 0; background: black; color: silver; font: 1em sans-serif; }}</style>
+<style>
+html, body, #view {{ width: 100%; height: 100%; margin: 0; background: black; color: silver; font: 1em sans-serif; }}
+</style>
 </head>
 <body>
 <div id="view"></div>

@@ -122,16 +122,13 @@ def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
     Im, mm = (matt[:, None] @ both)[:, 0].chunk(2, -1)  # (p, c)
     mm = mm.clamp(min=1e-12)
     rest = (wI * s.I).sum((1, 2)) - (Im.square() / mm).sum(1)  # (p,) what the matt part leaves
-    degrees = (s.w > 0).sum((1, 2))
-    found = []
-    for roughness in ROUGHNESS:
-        g = s.lobe(roughness)
-        Ig, gm = (g[:, None] @ both)[:, 0].chunk(2, -1)
-        gg = (g.square()[:, None] @ s.w)[:, 0] - gm.square() / mm  # the lobe, without what the matt part explains
-        Ig = (Ig - Im * gm / mm).clamp(min=0)
-        left = rest - (Ig.square() / gg.clamp(min=1e-9)).sum(1)
-        found.append(torch.log(left.clamp(min=0) / degrees.clamp(min=1) + NOISE))
-    values = torch.stack(found, 1) * (-0.5 * degrees[:, None])
+    G = torch.stack([s.lobe(roughness) for roughness in ROUGHNESS], 1)  # (p, r, n)
+    Ig, gm = (G @ both).chunk(2, -1)  # (p, r, c)
+    gg = G.square_() @ s.w - gm.square() / mm[:, None]  # the lobe, without what the matt part explains
+    Ig = (Ig - (Im / mm)[:, None] * gm).clamp(min=0)
+    left = rest[:, None] - (Ig.square() / gg.clamp(min=1e-9)).sum(-1)  # (p, r)
+    degrees = (s.w > 0).sum((1, 2))[:, None]
+    values = -0.5 * degrees * torch.log(left.clamp(min=0) / degrees.clamp(min=1) + NOISE)
     return values - values.amax(1, keepdim=True)
 
 

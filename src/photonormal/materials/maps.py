@@ -21,7 +21,7 @@ from photonormal.progress import progress
 from photonormal.types import Capture, Materials, Normals, box_of
 
 CPU = torch.device("cpu")
-PIXELS = 2**11  # whose lobes are computed at a time: they fit into a cache
+PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache
 SHARE = 1 / 8  # of the memory for what is held of some rows at a time:
 SAMPLE, FOUND = 4, 160  # bytes of each sample, and of what is found of a pixel on the way
 FITTED = ("albedo", "F0", "alone", "told", "certain")

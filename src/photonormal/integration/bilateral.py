@@ -22,6 +22,7 @@ from photonormal.types import InputError, Normals, Surface
 
 ENDS = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])  # first and second pixels of the edges along x, along y
 CLEAR = 14.0  # no side is trusted by less than e^-14, so that parts of the surface stay in touch
+STILL = 1e-3  # pixels by which the surface moves in a round that is the last
 HELD = np.float32(1e-6)  # weight by which every edge keeps its step where combined equations tell next to nothing
 
 Along = Float[np.ndarray, "_ _"]
@@ -44,7 +45,7 @@ class Bilateral:
     ----------
     k : sharpness of the choice between the two sides; 0 is plain weighted least squares, 2 the paper's value
     grazing : least cosine between a normal and its viewing ray, (0, 1)
-    tolerance : relative change of the energy at which the alternation stops
+    tolerance : relative change of the energy at which the alternation stops, if the surface has not come to rest before
     rounds : most alternations
     combined : rounds of the combined equations; 0 gives the paper's method
     outlier_deg : error of a normal, above 0, from which on an edge counts as contradicted
@@ -74,7 +75,10 @@ class Bilateral:
             before, (system, energy) = energy, equations.one_sided(z)
             if abs(before - energy) <= self.tolerance * energy:
                 break
+            chosen = z.astype(np.float32)
             z = system.solved(z, tolerance=1e-3, most=30)
+            if equations.moved(chosen, z) < STILL:
+                break
         chosen = z.astype(np.float32)
         for turn in range(self.combined):
             outlier = np.radians(self.outlier_deg) if turn else np.inf
@@ -174,6 +178,11 @@ class Equations:
             b = self.b[axis, part]
             values = dz, w[i] * known, (1 - w[j]) * known, a[i], a[j], b[i], b[j]
             yield Edges(axis, rows, *(v[own] for v in values))
+
+    def moved(self, before: Float[np.ndarray, "h w"], z: Float[np.ndarray, "h w"]) -> float:
+        """How far, on average."""
+        far = each_band(lambda rows: float(np.abs(z[rows] - before[rows]).sum(where=self.mask[rows])), *self.shape)
+        return sum(far) / np.count_nonzero(self.mask)
 
     def one_sided(self, z: Float[np.ndarray, "h w"]) -> tuple[System, float]:
         """The least squares of all equations with weights by `z`, and their energy there."""

@@ -147,6 +147,7 @@ def measure(
 
         with _stage("materials", seconds):
             made_of = materials_of(lit, normals)
+        hand_back()
     dark = int(capture.mask.sum()) - int(normals.mask.sum())
     if dark:
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")

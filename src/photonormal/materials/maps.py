@@ -23,7 +23,7 @@ from photonormal.types import Capture, Materials, Normals, box_of
 CPU = torch.device("cpu")
 PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache
 SHARE = 1 / 8  # of the memory for what is held of some rows at a time:
-SAMPLE, FOUND = 4, 160  # bytes of each sample, and of what is found of a pixel on the way
+SAMPLE, FOUND = 6, 240  # bytes of each sample, and of what is found of a pixel on the way
 FITTED = ("albedo", "F0", "alone", "told", "certain")
 AROUND = 3 * RADIUS  # rows that help to tell: neighbours choose the roughness, say if it is told, and whether metal
 SATURATED = 0.995  # of the largest sample, from which one tells too little

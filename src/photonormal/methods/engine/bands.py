@@ -15,6 +15,7 @@ from photonormal.methods.engine.turns import mean, turned
 from photonormal.methods.engine.windows import Box, Span, Window
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.learned.network import PixelNetwork, Step
+from photonormal.resources import hand_back
 from photonormal.types import Capture
 
 Band = tuple[slice, Float[Tensor, "1 d h w"]]  # rows of a window, and what is known of them
@@ -110,10 +111,13 @@ class Around:
 
     def add(self, maps: dict[str, Tensor]) -> Float[Tensor, "1 d q w"] | None:
         """Further rows of the maps that the steps begin with; the rows that can be told by now, if there are any."""
+        some = any(rows.shape[2] < self.height for rows in maps.values())
         for name, rows in maps.items():
             self.kept.setdefault(name, Rows(1)).add(rows)
         maps.clear()
         for step in self.steps:
+            if some:
+                hand_back()  # what each thread has freed: together that is as much as is held
             known = min(self.kept[name].end for name in step.reads)
             ready = known if known == self.height else (known - step.reach) // self.stride * self.stride
             if ready <= self.done[step.gives]:

@@ -10,8 +10,9 @@ from photonormal.scoring import SCALE_DEG, colours
 @pytest.mark.parametrize("size", [(30, 40), (300, 500), (2500, 3000)])
 def test_a_scale_lies_below_the_picture(size):
     picture = colours(np.full(size, 10.0))
-    shown = with_scale(picture)
-    assert shown.shape[1] == max(size[1], NARROWEST) and shown.shape[0] > size[0]
+    rows, (h, w) = with_scale(lambda some: picture[some], *size)
+    shown = np.concatenate([rows(slice(top, top + 17)) for top in range(0, h, 17)])
+    assert shown.shape == (h, w, 3) and w == max(size[1], NARROWEST) and h > size[0]
     np.testing.assert_array_equal(shown[: size[0], : size[1]], picture)
     bar = shown[size[0] + 6]
     ends = colours(np.array([[0.0, SCALE_DEG]]))[0]

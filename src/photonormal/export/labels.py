@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from jaxtyping import UInt8
 
 from photonormal.scoring import SCALE_DEG, colours
 
+Rows = tuple[Callable[[slice], np.ndarray], tuple[int, int]]
 INK = (40, 40, 40)
 LARGEST = 0.5  # of letters, in OpenCV's unit: about 12 pixels high
 NARROWEST = 200  # pixels that a scale takes
@@ -20,9 +23,11 @@ def labelled(picture: UInt8[np.ndarray, "h w 3"], text: str) -> UInt8[np.ndarray
     return np.concatenate([bar, picture])
 
 
-def with_scale(picture: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h2 w2 3"]:
-    """A map of errors in degrees over what its colours mean; narrow ones become NARROWEST pixels wide."""
-    h, w = picture.shape[:2]
+def with_scale(picture: Callable[[slice], UInt8[np.ndarray, "r w 3"]], h: int, w: int) -> Rows:
+    """A map of errors in degrees over what its colours mean, some rows at a time, and its size (h2, w2).
+
+    `picture` makes some rows of the map (h, w); narrow ones become NARROWEST pixels wide.
+    """
     width, unit = max(w, NARROWEST), max(1.0, max(h, w) / 1000)  # letters grow with large pictures
     bar, line = round(12 * unit), round(18 * unit)
     below = np.full((4 + bar + line, width, 3), 255, np.uint8)
@@ -33,9 +38,13 @@ def with_scale(picture: UInt8[np.ndarray, "h w 3"]) -> UInt8[np.ndarray, "h2 w2 
         size = _size(text, LARGEST * 0.9 * unit)
         at = round(k / (TICKS - 1) * width - size * k / (TICKS - 1))
         _write(below, text, at, 4 + bar + round(13 * unit), LARGEST * 0.9 * unit, width)
-    wide = np.full((h, width, 3), 255, np.uint8)
-    wide[:, :w] = picture
-    return np.concatenate([wide, below])
+
+    def rows(some: slice) -> UInt8[np.ndarray, "r w2 3"]:
+        shown = picture(slice(min(some.start, h), min(some.stop, h)))
+        wide = np.pad(shown, ((0, 0), (0, width - w), (0, 0)), constant_values=255)
+        return np.concatenate([wide, below[max(0, some.start - h) : max(0, some.stop - h)]])
+
+    return rows, (h + len(below), width)
 
 
 def _size(text: str, scale: float) -> int:

@@ -100,9 +100,10 @@ def pictures(result: Result, folder: Batch, white: float, linear_albedo: bool = 
         shown = preview(photograph(result, box), normals, albedo, white, error, box)
         folder.write("preview.png", encode_png(shown))
     if error is not None:
-        folder.write("error.png", encode_png(with_scale(error)))
-    if normals.expected_error_deg is not None:
-        folder.write("expected-error.png", encode_png(with_scale(colours(normals.expected_error_deg))))
+        folder.write("error.png", by_rows(*with_scale(lambda some: error[some], *error.shape[:2]), np.uint8))
+    if (expected := normals.expected_error_deg) is not None:
+        shown = with_scale(lambda some: colours(expected[some]), *expected.shape)
+        folder.write("expected-error.png", by_rows(*shown, np.uint8))
 
 
 def albedo_png(albedo: np.ndarray, white: float, linear: bool) -> Content:

@@ -63,7 +63,8 @@ def depth_npz(surface: Surface, mm_per_px: float | None = None) -> Content:
     about: dict[str, np.ndarray] = {} if surface.K is None else {"K": surface.K}
     if mm_per_px is not None:
         about["mm_per_px"] = np.array(mm_per_px)
-    depth = (surface.depth * scale_of(surface, mm_per_px)).astype(np.float32)
+    depth = np.empty(surface.depth.shape, np.float32)
+    np.multiply(surface.depth, scale_of(surface, mm_per_px), out=depth, casting="same_kind")
     return partial(np.savez, allow_pickle=False, depth=depth, mask=surface.mask, **about)
 
 

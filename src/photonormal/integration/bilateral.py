@@ -154,9 +154,8 @@ class Equations:
 
         def fill(rows: slice) -> None:
             a, self.b[:, rows, :w] = slopes.rows(rows.start, rows.stop)
-            np.copyto(
-                self.a[rows, :w], a, where=slopes.mask[rows], casting="same_kind"
-            )  # elsewhere of no edge, but divided by
+            # elsewhere of no edge, but divided by
+            np.copyto(self.a[rows, :w], a, where=slopes.mask[rows], casting="same_kind")
 
         each_band(fill, h, w)
 

@@ -6,6 +6,7 @@ from photonormal.methods.engine import bands, plan
 from photonormal.methods.engine.bands import Around, Rows
 from photonormal.methods.engine.prior import first_look
 from photonormal.methods.engine.stream import measured
+from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.windows import Box
 from tests.methods.engine.test_stream import network, sphere
 
@@ -20,7 +21,7 @@ def test_each_pixel_is_looked_at_once_a_pass_and_told_once():
         look = first_look(net.scaling, capture, box, CPU, None)
         (window,) = box.windows((1000, 1000), 0)
         looked_at: list[int] = []
-        told = list(bands.looked(net, capture, box, look, window, CPU, 1, 2, 16, looked_at.append))
+        told = list(bands.looked(net, Task(capture, box, look, CPU, 1, 2, 16, looked_at.append), window))
     assert sum(looked_at) == 2 * 3 * capture.mask.sum()
     assert [core[0].start for core, _ in told] == list(range(0, len(box.mask), 16))
     assert all(values.shape[1:] == box.mask[core].shape for core, values in told)

@@ -10,48 +10,34 @@ from torch import Tensor
 
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.pixels import Samples, digested
-from photonormal.methods.engine.prior import FirstLook
+from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import mean, turned
-from photonormal.methods.engine.windows import Box, Span, Window
+from photonormal.methods.engine.windows import Span, Window
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.resources import hand_back
-from photonormal.types import Capture
 
 Band = tuple[slice, Float[Tensor, "1 d h w"]]  # rows of a window, and what is known of them
 
 
-def looked(
-    net: PixelNetwork,
-    capture: Capture,
-    box: Box,
-    look: FirstLook,
-    window: Window,
-    device: torch.device,
-    rotations: int,
-    passes: int,
-    band: int,
-    advance: Callable[[int], None],
-) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
-    """All passes over a window, `band` rows at a time: what the network tells of its core.
-
-    `advance` is told how many samples were looked at.
-    """
+def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
+    """All passes over a window, some rows at a time: what the network tells of its core."""
     (top, bottom), columns = (window.seen[0].start, window.seen[0].stop), window.seen[1]
-    mask = box.mask[window.seen].to(device)
-    parts = [slice(y, min(y + band, bottom)) for y in range(top, bottom, band)]
+    mask = task.box.mask[window.seen].to(task.device)
+    parts = [slice(y, min(y + task.band, bottom)) for y in range(top, bottom, task.band)]
 
     def read(rows: slice) -> Samples:
-        return Samples.of(net, capture, box, look, (rows, columns), device)
+        return Samples.of(net, task, (rows, columns))
 
     every = read(window.seen[0]) if len(parts) == 1 else None  # of every pass
 
     def samples(rows: slice) -> Samples:
         return every or read(_moved(rows, top))
 
-    found: Iterator[Band] = ((_moved(rows, -top), look.prior[:, rows, columns][None].to(device)) for rows in parts)
-    for _ in range(passes):
-        found = one_pass(net, samples, mask, found, rotations, band, advance)
+    prior = task.look.prior[:, :, columns]
+    found: Iterator[Band] = ((_moved(rows, -top), prior[:, rows][None].to(task.device)) for rows in parts)
+    for _ in range(task.passes):
+        found = one_pass(net, task, samples, mask, found)
     for rows, values in found:
         rows = _moved(rows, top)
         within = slice(max(rows.start, window.core[0].start), min(rows.stop, window.core[0].stop))
@@ -66,14 +52,12 @@ def _moved(s: slice, by: int) -> slice:
 
 def one_pass(
     net: PixelNetwork,
+    task: Task,
     samples: Callable[[slice], Samples],
     mask: Bool[Tensor, "h w"],
     found: Iterable[Band],
-    rotations: int,
-    most: int,
-    advance: Callable[[int], None],
 ) -> Iterator[Band]:
-    """What the network tells of a window, at most `most` rows at a time, from the last pass's normals and memory.
+    """What the network tells of a window, a band of rows at most at a time, from the last pass's normals and memory.
 
     Rows come in order, and go when those around them are there, too. `samples` gives those of some rows.
     """
@@ -83,15 +67,15 @@ def one_pass(
         known = values[:, : 3 + net.memory] * mask[rows]
         seen = samples(rows)
         n = seen.I.shape[1]
-        around = around or [Around(net, n, quarters, mask) for quarters in range(rotations)]
-        pixels = digested(net, seen, known[0], rotations, advance)
+        around = around or [Around(net, n, quarters, mask) for quarters in range(task.rotations)]
+        pixels = digested(net, task, seen, known[0])
         del seen
         told = []
         for turn in around:
             shared = net.begin(turned(known, turn.quarters, 1), None)
             part = turn.add(net.maps(pixels.pop(0), shared))
             told += [] if part is None else [turned(part, -turn.quarters, 1)]
-        for part in mean(told).split(most, dim=2) if told else ():
+        for part in mean(told).split(task.band, dim=2) if told else ():
             rows = slice(end, end + part.shape[2])
             end = rows.stop
             yield rows, part

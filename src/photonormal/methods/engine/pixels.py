@@ -6,7 +6,6 @@ stands for all.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,9 +14,9 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from photonormal.methods.engine.frames import frames
-from photonormal.methods.engine.prior import FirstLook
+from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import turned
-from photonormal.methods.engine.windows import Box, Span
+from photonormal.methods.engine.windows import Span
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.scaling import scaled
 from photonormal.methods.learned.network import PixelNetwork
@@ -44,8 +43,9 @@ class Samples:
     pixels: Int[np.ndarray, " p"] | None
 
     @staticmethod
-    def of(net: PixelNetwork, capture: Capture, box: Box, look: FirstLook, seen: Span, device: torch.device) -> Samples:
+    def of(net: PixelNetwork, task: Task, seen: Span) -> Samples:
         """Those of a part, each image read once."""
+        capture, box, look, device = task.capture, task.box, task.look, task.device
         n, mask = capture.images.shape[0], box.mask[seen].to(device)
         moments = look.moments if look.moments.numel() == 1 else look.moments[..., *seen]
         I = torch.zeros(int(mask.sum()) + 1, n, device=device)
@@ -69,16 +69,9 @@ class Samples:
 
 
 def digested(
-    net: PixelNetwork,
-    samples: Samples,
-    found: Float[Tensor, "d h w"],
-    rotations: int,
-    advance: Callable[[int], None],
+    net: PixelNetwork, task: Task, samples: Samples, found: Float[Tensor, "d h w"]
 ) -> list[Float[Tensor, "1 h w c"]]:
-    """What each pixel knows of its images in each quarter turn, from the last pass's normals and memory.
-
-    `advance` is told how many samples were looked at.
-    """
+    """What each pixel knows of its images in each quarter turn, from the last pass's normals and memory."""
     n, mask, device = samples.I.shape[1], samples.mask, found.device
     start = torch.cat([found[:, mask].T, found.new_zeros(1, len(found))])  # (p + 1, d)
 
@@ -86,11 +79,11 @@ def digested(
         images, L = samples.shown(some)
         prior, found = start[some].T[None, :, None], []  # (1, d, 1, q)
         with inner_precision(device):
-            for quarters in range(rotations):
+            for quarters in range(task.rotations):
                 lights = turned(L, quarters, 2)
                 shared = net.begin(turned(prior, quarters, 1), lights)
                 found.append(net.digest(net.encode(images, lights, shared), n, shared)[0, 0])
-        advance(n * (min(some.stop, len(start) - 1) - some.start))  # the one outside is none
+        task.advance(n * (min(some.stop, len(start) - 1) - some.start))  # the one outside is none
         return found
 
     parts = side_by_side(digested, samples.parts(AT_A_TIME.get(device.type, AT_A_TIME["cuda"])), device)
@@ -98,4 +91,4 @@ def digested(
     del parts
     number = torch.full(mask.shape, len(start) - 1, device=device)
     number[mask] = torch.arange(len(start) - 1, device=device)
-    return [torch.cat(turns.pop(0))[number[None]] for _ in range(rotations)]
+    return [torch.cat(turns.pop(0))[number[None]] for _ in range(task.rotations)]

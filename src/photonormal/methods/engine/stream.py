@@ -6,7 +6,7 @@ Memory is bounded in the number of pixels. A network that sees each by itself is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -18,7 +18,8 @@ from torch import Tensor
 from photonormal.methods.contract import Solution, Streaming
 from photonormal.methods.engine import bands, plan
 from photonormal.methods.engine.frames import frames
-from photonormal.methods.engine.prior import FirstLook, first_look, prior_named
+from photonormal.methods.engine.prior import first_look, prior_named
+from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import mean, turned, turned_map
 from photonormal.methods.engine.windows import Box, Span, Window, rows_seen
 from photonormal.methods.inputs.scaling import scaled
@@ -81,8 +82,9 @@ def measured(
         normals, told_deg = torch.zeros(p, 3), None
         look_at = partial(bands.looked, net) if isinstance(net, PixelNetwork) else partial(looked, net)
         with progress("normals", samples_seen(net, capture, box, windows, passes)) as advance:
+            task = Task(capture, box, look, device, rotations, passes, band, advance)
             for window in windows:
-                for core, values in look_at(capture, box, look, window, device, rotations, passes, band, advance):
+                for core, values in look_at(task, window):
                     at = torch.from_numpy(box.pixels(core) - above)
                     normals[at] = (values[:3] * look.lit[core].cpu())[:, box.mask[core]].T
                     if len(values) > 3 + net.memory:
@@ -101,52 +103,32 @@ def samples_seen(net: Network, capture: Capture, box: Box, windows: list[Window]
     return pixels * capture.images.shape[0]
 
 
-def looked(
-    net: Network,
-    capture: Capture,
-    box: Box,
-    look: FirstLook,
-    window: Window,
-    device: torch.device,
-    rotations: int,
-    passes: int,
-    band: int,
-    advance: Callable[[int], None],
-) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
-    """All passes over a window: what the network tells of its core.
-
-    `advance` is told how many samples were looked at.
-    """
-    core, found = window.core, look.prior[:, *window.seen][None]  # (1, d, h, w), the last pass's, or the prior
-    for following in reversed(range(passes)):
+def looked(net: Network, task: Task, window: Window) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
+    """All passes over a window: what the network tells of its core."""
+    core, found = window.core, task.look.prior[:, *window.seen][None]  # (1, d, h, w), the last pass's, or the prior
+    for following in reversed(range(task.passes)):
         before, window = window, window.narrowed((following + 1) * net.reach)
-        start = found[..., *window.within(before)][:, : 3 + net.memory].to(device)
-        found = mean(one_pass(net, capture, box, look, window, start, rotations, advance)).cpu()
+        start = found[..., *window.within(before)][:, : 3 + net.memory].to(task.device)
+        found = mean(one_pass(net, task, window, start)).cpu()
     yield core, found[0, :, *window.inside]
 
 
 def one_pass(
-    net: Network,
-    capture: Capture,
-    box: Box,
-    look: FirstLook,
-    window: Window,
-    found: Float[Tensor, "1 d h w"],
-    rotations: int,
-    advance: Callable[[int], None],
+    net: Network, task: Task, window: Window, found: Float[Tensor, "1 d h w"]
 ) -> Iterator[Float[Tensor, "1 e h w"]]:
     """One look at every image: what the network tells in each turn, from the last pass's normals and memory."""
-    device, n = found.device, capture.images.shape[0]
+    capture, box, look, device = task.capture, task.box, task.look, task.device
+    n = capture.images.shape[0]
     mask = box.mask[window.seen][None, None].to(device)  # (1, 1, h, w)
     L = box.lights(capture, window.seen).to(device)  # (n, 3), or (n, 3, h, w)
     moments = look.moments if look.moments.numel() == 1 else look.moments[..., *window.seen]
-    turns = [Turn(net, r, found * mask, L) for r in range(rotations)]
-    together = 1 if device.type == "cpu" else max(1, SEEN // (mask.numel() * rotations))
+    turns = [Turn(net, r, found * mask, L) for r in range(task.rotations)]
+    together = 1 if device.type == "cpu" else max(1, SEEN // (mask.numel() * task.rotations))
     for j, images in frames(capture, box, window.seen, device, together):
         images = scaled(net.scaling, images, mask, moments, n)
         for turn in turns:
             turn.add(images, L[j : j + images.shape[1]])
-        advance(images.shape[1] * box.count(window.seen))
+        task.advance(images.shape[1] * box.count(window.seen))
     for turn in turns:
         yield turn.result(n)
 

@@ -155,8 +155,9 @@ CPU = replace(
     validate=1500,
 )  # half of the paper network's width; at a rate of 0.02 Muon soon stands still here
 
-# the networks of the paper's tables, each from the same scenes for the same minutes of a core; examined at their end
-COMPARED = replace(CPU, priors=(), reuse=4, validate=100_000)
+# the networks of the paper's tables, each from the same scenes for the same minutes of a core, few images as often
+# as many; examined at their end
+COMPARED = replace(CPU, images=(4, 36), priors=(), reuse=4, validate=100_000)
 
 # our own networks: Muon from the start, at a flat rate, so that a training can be made longer
 OURS = Recipe(batch=32, lr=1e-3, schedule="flat", warmup=100, muon=0.02, clip=1.0, turns=True)

@@ -41,7 +41,7 @@ def test_every_file_is_written_and_the_normals_are_right(folder, tmp_path, capsy
     assert {p.name for p in (tmp_path / "result").iterdir()} == FILES
     report = json.loads((tmp_path / "result" / "report.json").read_text())
     assert report["lights"] == 9 and report["pixels"]["dark"] == 0 and report["method"] == DEFAULT
-    stages = {"read", "check", "solve", "expected error", "albedo", "integrate", "export"}
+    stages = {"read", "check", "solve", "expected error", "albedo", "integrate", "inter-reflections", "export"}
     assert set(report["seconds"]) == stages
     assert report["score"]["mean_deg"] < 2  # a few lights leave the rim in attached shadow
     assert "degrees against the true normals" in out

@@ -53,7 +53,8 @@ def measure(
     integration : a key of photonormal.integration.METHODS; None: no depth
     K : (3, 3) camera matrix of the whole photographs, pixels, for a perspective surface; None: the capture's own, if it
         has one
-    albedo : whether to find it, which takes lights, given or found by the method; so do expected errors
+    albedo : whether to find it, which takes lights, given or found by the method; so do expected errors. With depth,
+        light that parts of the surface send each other is taken out where it can be told
     expected_error : whether to tell how far each normal is expected to be off
     examine : whether to look for faults of the photographs and lights (`photonormal.doctor`), the report's warnings
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
@@ -148,6 +149,15 @@ def measure(
         with _stage("materials", seconds):
             made_of = materials_of(lit, normals)
         hand_back()
+    between = None
+    if rho is not None and surface is not None:
+        from photonormal.materials.interreflections import brightening
+
+        with _stage("inter-reflections", seconds), progress("light between parts"):
+            between = brightening(lit, normals, surface, rho)
+            if between is not None:
+                for each in [rho] if made_of is None else [rho, made_of.albedo]:
+                    between.take_from(each)
     dark = int(capture.mask.sum()) - int(normals.mask.sum())
     if dark:
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
@@ -173,6 +183,8 @@ def measure(
     }
     if normals.expected_error_deg is not None:
         report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
+    if rho is not None and surface is not None:
+        report["interreflections"] = None if between is None else between.as_dict()
     if told is not None:
         report["found_lights"] = told.as_dict()
     if capture.truth is not None:

@@ -285,6 +285,11 @@ class Surface:
         if self.K is not None and self.K.shape != (3, 3):
             raise InputError(f"the camera matrix is {self.K.shape} but (3, 3) is needed; give K alone.")
 
+    def heights_px(self) -> Float[np.ndarray, "h w"]:
+        """Heights towards the camera in pixels, NaN where there is none; a perspective view's mean depth is at 0."""
+        depth = np.where(self.mask, self.depth, np.nan)
+        return depth if self.K is None else (1 - depth) * self.K[0, 0]
+
     def __repr__(self) -> str:
         h, w = self.mask.shape
         known = self.depth[self.mask & np.isfinite(self.depth)]

@@ -9,7 +9,7 @@ import pytest
 
 from photonormal.cli import main
 from photonormal.export import load_normals
-from photonormal.export.heights import heights_px, read_depth
+from photonormal.export.heights import read_depth
 from photonormal.export.pictures import read_albedo
 from photonormal.files import memory
 from photonormal.files.decode import decode
@@ -74,7 +74,7 @@ def test_pictures_hold_what_was_measured(measured, tmp_path):
     mask = normals.mask[box]
     low, high = told["height"]["low"], told["height"]["high"]
     height = low + found["a_Height.png"] * (high - low)
-    assert np.abs(height - heights_px(surface)[box])[mask].max() < 1e-3 * (high - low)
+    assert np.abs(height - surface.heights_px()[box])[mask].max() < 1e-3 * (high - low)
     assert np.abs(2 * found["a_Normal.png"] - 1 - normals.map[box])[mask].max() < 1e-4
     albedo = cv2.imread(str(measured / "r" / "albedo.png"), -1)[..., ::-1][box] / 65535
     assert np.abs(found["a_BaseColor.png"] - albedo)[mask].max() < 1 / 255
@@ -100,7 +100,7 @@ def test_floats_hold_the_values_themselves(measured, tmp_path):
     box = box_of(normals.mask)
     mask = normals.mask[box]
     height, n, colour = (decode(tmp_path / "a" / f"a_{name}.exr") for name in ("Height", "Normal", "BaseColor"))
-    assert np.abs(height[..., 0] - 0.5 * heights_px(surface)[box])[mask].max() < 1e-5
+    assert np.abs(height[..., 0] - 0.5 * surface.heights_px()[box])[mask].max() < 1e-5
     assert np.isclose([height.min(), height.max()], [told["height"]["low"], told["height"]["high"]]).all()
     assert np.abs(2 * n - 1 - normals.map[box])[mask].max() < 1e-6
     albedo = read_albedo(measured / "r" / "albedo.png")[box]

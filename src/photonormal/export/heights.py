@@ -25,7 +25,7 @@ def encode(surface: Surface, suffix: str, mm_per_px: float | None) -> Content:
     .tif from the lowest (0) to the highest (65535); what lies outside the mask is as low as the lowest."""
     if suffix == ".npz":
         return depth_npz(surface, mm_per_px)
-    z = heights_px(surface) * (1.0 if mm_per_px is None else mm_per_px)
+    z = surface.heights_px() * (1.0 if mm_per_px is None else mm_per_px)
     if not np.isfinite(z).any():
         raise InputError("the surface holds no depth; integrate normals that are known somewhere.")
     low, high = float(np.nanmin(z)), float(np.nanmax(z))
@@ -49,12 +49,6 @@ def levels(z: Float[np.ndarray, "h w"], low: float, high: float) -> UInt16[np.nd
 def span(low: float, high: float, mm_per_px: float | None) -> str:
     """What such a picture says of its levels."""
     return f"from {low:.9g} to {high:.9g} {'px' if mm_per_px is None else 'mm'}"
-
-
-def heights_px(surface: Surface) -> Float[np.ndarray, "h w"]:
-    """Heights towards the camera in pixels, NaN where there is none; a perspective view's mean depth is at 0."""
-    depth = np.where(surface.mask, surface.depth, np.nan)
-    return depth if surface.K is None else (1 - depth) * surface.K[0, 0]
 
 
 def depth_npz(surface: Surface, mm_per_px: float | None = None) -> Content:

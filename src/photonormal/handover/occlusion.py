@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.horizon import walk
+
 SLICES = 8  # planes through the view axis
 GROWTH = 1.1  # of the steps to what may stand in the way
 SIDE = 512  # pixels of the longer side at which it is found
@@ -44,18 +46,9 @@ def openness(
 
 def _horizon(z: Float[np.ndarray, "h w"], x: float, y: float) -> Float[np.ndarray, "h w"]:
     """The angle from the view axis to where the sky begins in the direction x to the right, y up."""
-    h, w = z.shape
     slope = np.full(z.shape, -np.inf, np.float32)
-    done, distance = {(0, 0)}, 1.0
-    while distance < max(h, w):
-        row, column = round(-y * distance), round(x * distance)
-        distance = max(distance * GROWTH, distance + 1)
-        if (row, column) in done or abs(row) >= h or abs(column) >= w:
-            continue
-        done.add((row, column))
-        here = np.s_[max(-row, 0) : h - max(row, 0), max(-column, 0) : w - max(column, 0)]
-        there = np.s_[max(row, 0) : h + min(row, 0), max(column, 0) : w + min(column, 0)]
+    for here, there, distance in walk(x, y, z.shape, GROWTH):
         with np.errstate(invalid="ignore"):  # no height from where there is none
-            rise = (z[there] - z[here]) / np.float32(np.hypot(row, column))
+            rise = (z[there] - z[here]) / np.float32(distance)
         slope[here] = np.fmax(slope[here], rise)
     return np.pi / 2 - np.arctan(slope)

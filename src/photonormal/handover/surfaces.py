@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.export.heights import heights_px, in_own_units
+from photonormal.export.heights import in_own_units
 from photonormal.export.normal_maps import frame_of
 from photonormal.export.pictures import albedo_samples, is_encoded, linear
 from photonormal.files import memory
@@ -75,7 +75,7 @@ class Relief:
         """Some rows and columns, also every second, third ... of them."""
         known = self.known[rows, columns]
         normals, depth, colour = (self.layers[name][rows][:, columns] for name in ("normals", "depth", "colour"))
-        height = heights_px(Surface(depth, known, self.K))
+        height = Surface(depth, known, self.K).heights_px()
         rough, metal = (self._level(name, rows, columns) for name in MATERIAL)
         if rough is not None:
             rough = np.where(rough > 0, rough, np.float32(1))
@@ -163,7 +163,7 @@ def _checked(result: Path, layers: dict[str, Rows]) -> tuple[np.ndarray, tuple[f
         if "mm_per_px" in about:
             layers["depth"][rows] = surface.depth
         known[rows] = surface.mask & np.isfinite(surface.depth) & normals.mask
-        heights = heights_px(surface)[known[rows]]
+        heights = surface.heights_px()[known[rows]]
         if heights.size:
             low, high = min(low, float(heights.min())), max(high, float(heights.max()))
     if not known.any():

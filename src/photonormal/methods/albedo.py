@@ -52,13 +52,13 @@ def _albedo(
     def found(some: slice) -> Float[np.ndarray, "q c"]:
         L = capture.known_lights() if capture.lights_at is None else capture.lights_at[pixels[some]]
         cos = cosines(torch.from_numpy(N[some]), torch.as_tensor(L, dtype=torch.float32))  # (q, n)
-        return _robust(I[some], cos.clamp(min=0).numpy())
+        return robust(I[some], cos.clamp(min=0).numpy())
 
     parts = [slice(first, first + PIXELS) for first in range(0, len(N), PIXELS)]
     return np.concatenate([np.empty((0, I.shape[2]), np.float32), *side_by_side(found, parts, torch.device("cpu"))])
 
 
-def _robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p c"]:
+def robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p c"]:
     channels = np.ascontiguousarray(np.moveaxis(I, 2, 0))  # each by itself: several times faster than three together
     Y = channels.mean(0)
     rho = _least_squares(channels, S, S)

@@ -15,7 +15,7 @@ from photonormal.capture.images import MARGIN
 from photonormal.disk import recover
 from photonormal.export import load_normals
 from photonormal.export.folder import REPORT
-from photonormal.export.heights import heights_px, read_depth
+from photonormal.export.heights import read_depth
 from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
 from photonormal.lighting import under
@@ -171,7 +171,7 @@ def shown_of(
     if albedo is not None:
         layers["albedo"] = plane("colour", display(np.broadcast_to(albedo[box] / np.float32(white), map.shape)))
     if surface is not None:
-        heights = heights_px(Surface(surface.depth[box], surface.mask[box], surface.K)) / every
+        heights = Surface(surface.depth[box], surface.mask[box], surface.K).heights_px() / every
         layers["height"], low, step = height_plane(heights)
         about["relief"] = {"low": low, "step": step}
     if normals.expected_error_deg is not None:

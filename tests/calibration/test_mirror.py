@@ -28,6 +28,18 @@ def test_a_highlight_is_found_to_a_tenth_of_a_pixel(width):
     assert spot.saturated == (width > 2) and np.hypot(spot.x - 140.3, spot.y - 100.7) < 0.1 * max(1, width / 3)
 
 
+def test_a_highlight_between_a_dark_room_and_a_bright_table_is_not_pulled_to_the_room():
+    circle = Circle(20.2, 19.7, 11.0)
+    y, x = np.mgrid[:41, :41].astype(float)
+    away = np.hypot(x - circle.x, y - circle.y) / circle.r
+    mirrored = 0.01 + 0.3 * ((away - 0.68) * circle.r / 2).clip(0, 1)
+    phi = np.pi * np.arange(8) / 4 + 0.2
+    at = circle.x + 0.6 * circle.r * np.cos(phi), circle.y + 0.6 * circle.r * np.sin(phi)
+    light = [mirrored + 0.15 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / 2) for a, b in zip(*at, strict=True)]
+    found = looked_for((np.stack(light) ** (1 / 2.2)).astype(np.float32), circle)
+    assert max(np.hypot(h.x - a, h.y - b) for h, a, b in zip(found, *at, strict=True)) < 0.12
+
+
 def test_of_two_reflections_the_stronger_is_the_light():
     spot = seen([(180.0, 140.0, 2.5), (140.0, 100.0, 6.0)])
     assert (round(spot.x), round(spot.y)) == (140, 100) and spot.rival < 0.5 and not spot.rivals

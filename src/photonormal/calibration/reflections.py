@@ -19,6 +19,7 @@ OPENING = 0.7  # radius of the opening, as part of the largest disc inside a ref
 TOPS = 4  # places of a picture that are looked at
 APART = 3.0  # distance, in scales, within which two places are one
 FEW_PX = 8  # pixels of a part below which its neighbours help to find its middle
+POWER = 2.0  # of levels, that makes them light: encoded as most pictures are, hardly worse where they are linear
 FLOOR = 0.05  # of the peak, below which a pixel's logarithm tells nothing
 RIVAL = 0.5  # flux of a second reflection, as part of the first's, above which the choice is doubtful
 
@@ -67,19 +68,21 @@ class Disc:
 
     Parameters
     ----------
-    inside : (h, w)
-    weights : (k, h, w) the part of each pixel's surroundings that is inside, at ever broader scales
+    inside : (h, w) within RIM of its circle
+    whole : (h, w) within the circle: what is near the rim stands out of what lies on both sides
+    weights : (k, h, w) the part of each pixel's surroundings in the circle, at ever broader scales
     """
 
     inside: Bool[np.ndarray, "h w"]
+    whole: Bool[np.ndarray, "h w"]
     weights: Float[np.ndarray, "k h w"]
 
     @classmethod
     def of(cls, circle: Circle, shape: Sequence[int]) -> Disc:
         """Within RIM of a circle, up to scales of WIDEST of it."""
-        inside = circle.inside(shape, RIM)
+        inside, whole = circle.inside(shape, RIM), circle.inside(shape)
         scales = range(int(np.log2(max(2.0, WIDEST * circle.r))) + 2)
-        return cls(inside, np.stack([_blur(inside, k).clip(1e-3) for k in scales]))
+        return cls(inside, whole, np.stack([_blur(whole, k).clip(1e-3) for k in scales]))
 
     @property
     def scales(self) -> range:
@@ -89,16 +92,20 @@ class Disc:
 
 @dataclass(frozen=True)
 class Reflections:
-    """What is mirrored inside a disc in one picture (h, w), without what is `static`."""
+    """What is mirrored inside a disc in one picture (h, w), without what is `static`: in levels, and in `light`."""
 
     level: Float[np.ndarray, "h w"]
+    light: Float[np.ndarray, "h w"]
     static: Float[np.ndarray, "h w"]
     disc: Disc
 
     @classmethod
     def of(cls, picture: Float[np.ndarray, "h w"], static: Float[np.ndarray, "h w"], disc: Disc) -> Reflections:
         """Those of a picture."""
-        return cls(np.where(disc.inside, np.maximum(picture - static, 0), 0).astype(np.float32), static, disc)
+        level, light = (
+            np.where(disc.whole, np.maximum(picture**p - static**p, 0), 0).astype(np.float32) for p in (1, POWER)
+        )
+        return cls(level, light, static, disc)
 
     def blurred(self, k: int) -> Float[np.ndarray, "h w"]:
         """The mean of what is inside around each pixel at scale k, weighted by a Gaussian."""
@@ -107,6 +114,10 @@ class Reflections:
     def proud(self, k: int) -> Float[np.ndarray, "h w"]:
         """How far each pixel stands out of its surroundings at scale k, as a bright table in the sphere does not."""
         return np.where(self.disc.inside, self.blurred(k) - self.blurred(k + 1), 0)
+
+    def proud_light(self, k: int) -> Float[np.ndarray, "h w"]:
+        """The same in light: encoded levels show less of that side of a reflection which lies on brighter ground."""
+        return replace(self, level=self.light).proud(k)
 
     def tops(self, k: int, count: int = TOPS) -> list[tuple[float, int]]:
         """How far places stand out at scale k, and which pixels they are; the highest first."""
@@ -150,7 +161,8 @@ class Reflections:
             threshold = CORE * smooth.flat[brightest]
             x, y = _centroid(smooth - threshold, _part_at(smooth > threshold, brightest))
         else:
-            x, y = _middle(proud, part)
+            light = self.proud_light(k)
+            x, y = _middle(light if light[part].max() > 0 else proud, part)
         return Highlight(x, y, area, peak, area * peak, saturated)
 
 

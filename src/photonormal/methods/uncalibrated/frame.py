@@ -19,10 +19,11 @@ from torch import Tensor
 
 from photonormal.shading import normalised
 
-STEP = 3  # pixels over which slopes are compared
+STEP = 1  # pixels over which slopes are compared; over more, edges that hide something behind them spoil more of them
 STEEP = 0.2  # z of a normal below which its slopes say nothing
 PARTS = 5  # of the object in either direction, whose disagreement tells how certain something is
 FEWEST = 100  # pixels that tell something
+STRAY = 0.7  # medians of what is left, from which on a pixel loses weight
 CURL_FLOOR = 0.015  # least standard error of what the curl says
 CURL_SECOND = 2.0  # and times the square of what it says, which is right to first order only
 FACING = 0.1  # standard deviation of x and y of the mean normal of an object that is seen whole
@@ -146,13 +147,14 @@ def fitted(
     weight: Float[Tensor, " q"],
     part: Tensor,
 ) -> Evidence:
-    """argmin sum_q weight_q log(1 + (r - J theta)_q^2 / spread^2); its covariance by how much the parts disagree."""
+    """argmin sum_q -1 / (1 + (weight (r - J theta))_q^2 / spread^2), spread from a median: edges, where a surface has
+    no slopes, don't count. Its covariance by how much the parts disagree."""
     eye = torch.eye(J.shape[1], dtype=torch.float64)
     theta = torch.zeros(J.shape[1], dtype=torch.float64)
     v, H = weight, eye
     for _ in range(ROUNDS):
-        off = r - J @ theta
-        v = weight / (1 + (off / (1.5 * off.abs().median().clamp(min=1e-9))) ** 2)
+        off = weight * (r - J @ theta)
+        v = (weight / (1 + (off / (STRAY * off.abs().median().clamp(min=1e-9))) ** 2)) ** 2
         H = (J * v[:, None]).T @ J + 1e-9 * eye
         theta = torch.linalg.solve(H, (J * v[:, None]).T @ r)
     pull = torch.zeros(PARTS**2, J.shape[1], dtype=torch.float64)

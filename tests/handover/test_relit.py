@@ -9,11 +9,12 @@ import pytest
 from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.handover.relit import STEPS
-from photonormal.relighting import FORMATS
+from photonormal.relighting import FORMATS, films
 from photonormal.relighting.pictures import direction, fitted
 from photonormal.srgb import from_linear, to_linear
-from photonormal.types import box_of
+from photonormal.types import InputError, box_of
 from tests.relighting.test_files import dome, glossy
+from tests.scenes import ring, write_diligent
 
 
 def picture(path):
@@ -72,6 +73,19 @@ def test_a_light_goes_around_in_a_film(ending, measured, tmp_path):
             assert np.abs(off).mean() < 4
 
 
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_a_film_that_the_disk_cuts_short_is_refused(ending):
+    resource = pytest.importorskip("resource")
+    frames = [np.full((64, 64, 3), 3 * step, np.uint8) + np.arange(64, dtype=np.uint8)[:, None] for step in range(60)]
+    most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, most[1]))
+    try:
+        with pytest.raises(InputError, match="has no room for a film"):
+            films.encoded(frames, f".{ending}")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, most)
+
+
 def test_what_can_not_be_shown_is_refused(measured, tmp_path, refused):
     out = tmp_path / "a.png"
     for angles in ("45", "a,b", "10,0", "10,95", "nan,10", "10,inf"):
@@ -79,6 +93,12 @@ def test_what_can_not_be_shown_is_refused(measured, tmp_path, refused):
     refused("--relit", "10,20", "--out", tmp_path / "a.gif", says=".png")
     refused("--sweep", "--out", out, says=".mp4 or .gif")
     refused("--sweep", says="--out")
+    few = tmp_path / "few"
+    write_diligent(few, glossy(ring(4)))
+    assert main(["measure", str(few), "--out", str(tmp_path / "of few"), "--method", "woodham"]) == 0
+    refused(
+        "--relit", "10,20", "--out", out, result=tmp_path / "of few", says="needs at least 9; add photographs, or cho"
+    )
     refused("--sweep", "--to", "ptm", "--out", out, says="one of them")
     shutil.copytree(measured / "r", tmp_path / "r")
     report = tmp_path / "r" / "report.json"

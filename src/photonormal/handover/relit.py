@@ -85,7 +85,7 @@ def export_relit(
                     yield small(light)
                     advance()
 
-            films.write(frames(), to / out.name)
+            to.write(out.name, films.encoded(frames(), out.suffix.lower()))
     return out
 
 
@@ -109,15 +109,15 @@ def _fitted(
     photographs, read = photographs_needed(result, capture, f"--by {by} is", otherwise="or choose --by matt")
     refuse_taken([out], overwrite, read)
     known, basis = photographs.known_lights(), FORMATS[by].basis
-    if (np.abs(basis(np.stack(lights)) @ np.linalg.pinv(basis(known))).sum(1) > STRETCHED).any():
-        lowest, highest = np.degrees(np.arcsin(np.clip([known[:, 2].min(), known[:, 2].max()], -1, 1)))
-        log.warning(
-            "the photographs show lights at elevations of %.0f to %.0f degrees; far from them the picture is a guess. "
-            "Ask for a light nearer to theirs, or choose --by matt.",
-            lowest,
-            highest,
-        )
     with fitted(photographs, basis) as relit:
+        if (np.abs(basis(np.stack(lights)) @ np.linalg.pinv(basis(known))).sum(1) > STRETCHED).any():
+            lowest, highest = np.degrees(np.arcsin(np.clip([known[:, 2].min(), known[:, 2].max()], -1, 1)))
+            log.warning(
+                "the photographs show lights at elevations of %.0f to %.0f degrees; far from them the picture is a "
+                "guess. Ask for a light nearer to theirs, or choose --by matt.",
+                lowest,
+                highest,
+            )
         yield relit
 
 

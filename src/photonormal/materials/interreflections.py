@@ -29,7 +29,7 @@ ROUNDS = 6  # of exposure, albedo and light between parts
 REWEIGHTED = 20  # rounds of least squares that find least absolute deviations
 WHITE = 0.95  # most that the brightest parts reflect
 SAMPLES = 200  # in shadow, which are needed
-EXPLAINED = 0.15  # of what shadows show beside light from everywhere: less, and nothing is told
+EXPLAINED = 0.25  # of what shadows show beside light from everywhere: less, and nothing is told
 ROWS = 256  # of a map made at a time
 
 

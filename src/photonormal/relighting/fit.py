@@ -17,6 +17,7 @@ from photonormal.relighting.bases import Basis
 from photonormal.srgb import from_linear
 from photonormal.types import Capture, InputError, Mask, box_of
 
+FEWEST = 6  # terms of a fit, those of ptm
 ROWS = 256  # of each photograph that tell what is white
 BRIGHTEST = 0.999  # share of the samples that are at most white
 PIXELS = 2**17  # fitted at a time: memory that is asked for anew costs more than reading in smaller parts
@@ -43,9 +44,9 @@ class Fit:
     def __post_init__(self) -> None:
         n, k = self.capture.images.shape[0], self.terms
         if n < k:
+            fewer = "choose ptm, a fit of 6 terms" if n >= FEWEST else "choose what needs no fit: gltf, maps, --by matt"
             raise InputError(
-                f"{n} photographs came but a fit of {k} terms needs at least {k}; add photographs, or choose a format "
-                "with fewer terms: ptm has 6."
+                f"{n} photographs came but a fit of {k} terms needs at least {k}; add photographs, or {fewer}."
             )
 
     @property

@@ -1,5 +1,7 @@
 """Dark pictures of 8 bits: whether they were cut off is told by lights of different intensities, and undone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -8,7 +10,7 @@ import photonormal as pn
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.methods import configure
 from photonormal.methods.engine import on_mask, run
-from photonormal.methods.engine.cutoff import Raised, given_back
+from photonormal.methods.engine.cutoff import Repaired, given_back
 from tests.scenes import sphere
 
 N_LIGHTS, BRIGHTEST = 60, 20
@@ -23,7 +25,8 @@ class Files:
         self.counts, self.intensities, self.shape = counts, intensities, counts.shape
 
     def __getitem__(self, j):
-        return (self.counts[j] / np.float32(255) / self.intensities[j]).astype(np.float32)
+        full = np.float32(np.iinfo(self.dtype).max)
+        return (self.counts[j] / full / self.intensities[j]).astype(np.float32)
 
 
 def dark(stored, even=False, faulty=0, gloss=0.0):
@@ -41,6 +44,20 @@ def dark(stored, even=False, faulty=0, gloss=0.0):
     counts = stored(e[:, None, None] * I / (I * e[:, None, None]).max() * BRIGHTEST).astype(np.uint8)
     images = Files(np.repeat(counts[..., None], 3, -1), np.repeat(e[:, None], 3, 1))
     return pn.Capture(images, truth.mask, L, truth=truth, saturation=(1 / images.intensities).astype(np.float32))
+
+
+def in_16_bits(capture, step, first):
+    """The same photographs in files of 16 bits, a level stored as `step` steps from the `first`."""
+    images = Files(
+        capture.images.counts.astype(np.uint16) * np.uint16(step) + np.uint16(first), capture.images.intensities
+    )
+    images.dtype = np.dtype(np.uint16)
+    return replace(capture, images=images)
+
+
+def in_memory(capture):
+    """Its pictures, of which nothing tells how they were stored."""
+    return np.stack([capture.images[j] for j in range(N_LIGHTS)])
 
 
 def error_deg(capture):
@@ -61,7 +78,7 @@ def test_what_was_cut_off_is_given_back_and_what_was_rounded_stays(changes):
 
 def test_normals_are_better_for_it():
     cut, rounded = dark(np.floor), dark(np.round)
-    cut_in_memory = pn.Capture(np.stack([cut.images[j] for j in range(N_LIGHTS)]), cut.mask, cut.lights, cut.truth)
+    cut_in_memory = replace(cut, images=in_memory(cut))
     assert error_deg(cut) < 0.7 * error_deg(cut_in_memory)
     assert error_deg(rounded) < error_deg(cut_in_memory)
 
@@ -71,18 +88,38 @@ def test_even_lights_tell_nothing():
     assert given_back(capture) is capture
 
 
-def test_few_lights_and_files_of_more_bits_are_left_alone():
+def test_few_lights_and_floats_are_left_alone():
     capture = dark(np.floor)
     few = pn.Capture(Files(capture.images.counts[:12], capture.images.intensities[:12]), capture.mask,
                      capture.lights[:12], saturation=capture.saturation[:12])  # fmt: skip
     assert given_back(few) is few
-    capture.images.dtype = np.dtype(np.uint16)
+    capture.images.dtype = np.dtype(np.float32)
     assert given_back(capture) is capture
+
+
+@pytest.mark.parametrize("even", [False, True], ids=["uneven", "even"])
+def test_black_stored_as_half_a_level_is_black(even):
+    cut, middle = dark(np.floor, even), in_16_bits(dark(np.floor, even), 2, 1)
+    repaired = given_back(middle)
+    for j in range(3):
+        before, after = middle.images[j], repaired.images[j]
+        black = cut.images[j] == 0
+        assert black.any() and not after[black].any() and np.array_equal(after[~black], before[~black])
+    assert error_deg(middle) < 0.8 * error_deg(replace(middle, images=in_memory(middle)))
+
+
+def test_files_of_16_bits_that_hold_8_are_like_those_of_8():
+    cut = dark(np.floor)
+    wide = in_16_bits(cut, 257, 0)
+    assert np.allclose(given_back(wide).images[3], given_back(cut).images[3])
+    fine = in_16_bits(cut, 257, 0)
+    fine.images.counts[0, 16, 16] += 1
+    assert given_back(fine) is fine
 
 
 def test_it_is_given_back_once():
     raised = given_back(dark(np.floor))
-    assert isinstance(raised.images, Raised) and given_back(raised) is raised
+    assert isinstance(raised.images, Repaired) and given_back(raised) is raised
 
 
 def test_a_measurement_says_so():
@@ -90,6 +127,10 @@ def test_a_measurement_says_so():
     assert any("cut off" in warning for warning in result.report["warnings"])
     result = pn.measure(dark(np.round), "woodham", integration=None, albedo=False, expected_error=False)
     assert not any("cut off" in warning for warning in result.report["warnings"])
+    result = pn.measure(
+        in_16_bits(dark(np.floor), 2, 1), "woodham", integration=None, albedo=False, expected_error=False
+    )
+    assert any("middle of its step" in warning for warning in result.report["warnings"])
 
 
 def test_a_window_is_a_part_of_the_picture():

@@ -1,13 +1,15 @@
 """Samples that were cut off to whole grey levels: what they lost on average, half a level, is given back.
 
-A file of 8 bits holds e I / s rounded to a whole number, or cut off where bits were dropped; s is a level. Cut off, a
-dark picture is too contrasted everywhere. Lights of different intensities e tell the two apart: what is lost of the
-radiance I, b s / e, depends on e alone, whereas shading, gloss and shadows follow the lights' directions.
+A file holds e I / s rounded to a whole number, or cut off where bits were dropped; s is a level. Cut off, a dark
+picture is too contrasted everywhere. Lights of different intensities e tell the two apart: what is lost of the radiance
+I, b s / e, depends on e alone, whereas shading, gloss and shadows follow the lights' directions. A file may also hold
+the middle of each step: then no sample lacks anything, but black is half a level.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -15,7 +17,8 @@ from jaxtyping import Float
 from photonormal.shading import LUMA
 from photonormal.types import Capture, Image, Images, window_of
 
-LEVELS = 255
+MIDDLE = 0.75  # levels: above black, which is stored as 0.5, and below the next level
+WHOLE = 0.1  # by which samples are off whole numbers, at most, where a file holds them
 FEWEST, SPREAD = 20, 0.1  # lights, and relative deviation of their intensities, that can tell
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
 MIDDLING = 0.35, 0.85  # quantiles of a pixel's shading between which its samples are taken: no shadow, no highlight
@@ -25,16 +28,65 @@ TRIES, OUTLIERS, FAR = 1000, 0.4, 4.0  # of a few lights each; share of images t
 
 
 def given_back(capture: Capture) -> Capture:
-    """The capture with half a level added to its samples, where they were cut off; else itself."""
-    level = _level(capture)
-    if level is None or capture.lights is None:
+    """The capture with half a level added to its samples, where they were cut off; without it in those that are black,
+    where these have it; else itself."""
+    levels = Levels.of(capture)
+    if levels is None or capture.lights is None:
         return capture
-    b, deviation = missing(_greys(capture), level @ _weights(level), capture.known_lights())
+    if levels.darkest:
+        return replace(capture, images=Repaired(capture.images, levels.size * MIDDLE, np.zeros_like(levels.size)))
+    if not levels.uneven():
+        return capture
+    b, deviation = missing(_greys(capture), levels.grey, capture.known_lights())
     if not (LOST < b < MOST and deviation < SURE):
         return capture
-    half = (level / 2).astype(np.float32)
+    half = levels.size / 2
     assert capture.saturation is not None
-    return replace(capture, images=Raised(capture.images, half), saturation=capture.saturation + half)
+    return replace(capture, images=Repaired(capture.images, 0 * half, half), saturation=capture.saturation + half)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The grey levels of files that hold whole ones.
+
+    Parameters
+    ----------
+    size : (n, c) radiance of a level in each image
+    darkest : what the lowest level is stored as, in levels: 0, or 0.5 where each is the middle of its step
+    """
+
+    size: Float[np.ndarray, "n c"]
+    darkest: float
+
+    @staticmethod
+    def of(capture: Capture) -> Levels | None:
+        """Those of linear files of 8 or 16 bits; None of others, and of files that have each of their 16 bits."""
+        dtype = getattr(capture.images, "dtype", None)
+        if dtype not in (np.uint8, np.uint16) or capture.saturation is None or capture.linearised:
+            return None
+        full, saturation = np.iinfo(dtype).max, capture.saturation
+        counts = np.unique(_some(capture, lambda samples, j: samples / saturation[j] * full))
+        whole = np.round(counts).astype(np.int64)
+        if np.abs(counts - whole).max() > WHOLE:  # pictures that were reduced: means of whole numbers
+            return Levels(_of_size(capture, 1 / full), 0.0) if dtype == np.uint8 else None
+        step = int(np.gcd.reduce(np.diff(np.unique(whole))))
+        if step == 0 or (dtype == np.uint16 and step == 1):
+            return None
+        middle = step > 1 and abs(whole[0] % step - step / 2) <= 0.5
+        return Levels(_of_size(capture, step / full), 0.5 if middle else 0.0)
+
+    @property
+    def grey(self) -> Float[np.ndarray, " n"]:
+        """What a level is worth of grey."""
+        return self.size @ _weights(self.size)
+
+    def uneven(self) -> bool:
+        """Whether lights differ enough, and are enough, to tell what samples lack."""
+        return len(self.grey) >= FEWEST and bool(self.grey.std() >= SPREAD * self.grey.mean())
+
+
+def _of_size(capture: Capture, share: float) -> Float[np.ndarray, "n c"]:
+    return (np.asarray(capture.saturation, float) * share).astype(np.float32)
 
 
 def missing(
@@ -79,43 +131,45 @@ def _robust(A: Float[np.ndarray, "n k"], y: Float[np.ndarray, " n"]) -> tuple[fl
     return float(c[0]), float(s * np.sqrt(np.linalg.pinv((A * w[:, None]).T @ A)[0, 0]))
 
 
-def _level(capture: Capture) -> Float[np.ndarray, "n c"] | None:
-    """Radiance of a grey level; None where the files are not linear ones of 8 bits, or can't tell what is missing."""
-    if getattr(capture.images, "dtype", None) != np.uint8 or capture.saturation is None or capture.linearised:
-        return None
-    level = np.asarray(capture.saturation, float) / LEVELS
-    grey = level @ _weights(level)
-    return None if len(grey) < FEWEST or grey.std() < SPREAD * grey.mean() else level
-
-
 def _weights(level: Float[np.ndarray, "n c"]) -> np.ndarray:
     return np.asarray(LUMA if level.shape[1] == 3 else (1.0,))
 
 
 def _greys(capture: Capture) -> Float[np.ndarray, "p n"]:
-    """Grey samples of some pixels of the mask, on a few rows."""
+    """Grey samples of some pixels of the mask."""
+    return _some(capture, lambda samples, j: samples @ _weights(samples)).T
+
+
+def _some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
+    """What is made of some pixels' samples (p, c) of each image, on a few rows."""
     lines = np.flatnonzero(capture.mask.any(1))
     lines = lines[np.unique(np.linspace(0, len(lines) - 1, ROWS).round().astype(int))]
     step = max(1, int(capture.mask[lines].sum()) // PIXELS)
 
     def of_image(j: int) -> np.ndarray:
         rows = [window_of(capture.images, j, slice(y, y + 1), slice(None))[0][capture.mask[y]] for y in lines]
-        samples = np.concatenate(rows)[::step]
-        return samples @ _weights(samples)
+        return of(np.concatenate(rows)[::step], j)
 
-    return np.stack(capture.each_image(of_image), axis=1)
+    return np.stack(capture.each_image(of_image))
 
 
-class Raised:
-    """Pictures with half a level added wherever there is light at all (`photonormal.types.Images`)."""
+class Repaired:
+    """Pictures whose samples above `black` have `more` added; the others are black (`photonormal.types.Images`)."""
 
-    def __init__(self, images: Images, half: Float[np.ndarray, "n c"]):
-        self.images, self.half, self.shape = images, half, images.shape
+    def __init__(self, images: Images, black: Float[np.ndarray, "n c"], more: Float[np.ndarray, "n c"]):
+        self.images, self.black, self.more, self.shape = images, black, more, images.shape
+
+    @property
+    def told(self) -> str:
+        """What was done to them, a sentence."""
+        if self.more.any():
+            return "Samples were cut off to whole levels; half a level was added to each that is not zero."
+        return "The pictures' darkest level is stored as the middle of its step; it is taken for black."
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of one picture."""
         image = window_of(self.images, j, rows, columns)
-        return np.where(image > 0, image + self.half[j], image)
+        return np.where(image > self.black[j], image + self.more[j], 0)
 
     def __getitem__(self, j: int, /) -> Image:
         return self.window(j, slice(None), slice(None))

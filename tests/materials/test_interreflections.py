@@ -116,7 +116,7 @@ def test_reading_some_rows_at_a_time_changes_nothing(monkeypatch):
 
 
 def test_measure_takes_it_out_and_says_so():
-    capture, _, well = bowl()
+    capture, _, well = bowl(share=0.2)
     result = pn.measure(capture, "trimmed", expected_error=False, examine=False)
     assert result.report["interreflections"]["most_percent"] > 5
     flat = pn.measure(capture, "trimmed", expected_error=False, examine=False, integration=None)

@@ -7,22 +7,25 @@ from jaxtyping import Bool, Float, UInt8
 
 from photonormal.disk import Batch
 from photonormal.export.mesh import display
+from photonormal.masked import means
 from photonormal.png import SRGB, encode_png
 from photonormal.types import Materials
 
 ROWS = 256  # made at a time
-PLAIN = 0.08  # F0 of level 1, as principled shaders have it
+TOP, USUAL = 0.08, 0.04  # F0 of level 1, as principled shaders have it; of nearly all that is no metal
+ENOUGH = 2**20  # pixels that tell the usual F0
 TOLD = 128, 255  # grey of material_known.png: roughness is told; metalness, too
 
 
 def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: float, folder: Batch) -> None:
     """base_colour.png (sRGB-encoded), roughness.png, metalness.png, specular.png (F0 over 0.08).
 
-    The base colour is the albedo; of metals F0, or both where only a neighbour tells that it is one.
+    The base colour is the albedo; of metals F0, or both where only a neighbour tells that it is one. Photographs do not
+    tell the exposure, so the median F0 of what is no metal counts as 0.04.
 
     material_known.png is grey where roughness was told, and white where metalness was, too.
 
-    What is not told is taken from the nearest pixel where it is, else matt; `white` is the radiance of a white surface.
+    What is not told is what is told around it, else matt; `white` is the radiance of a white surface.
     """
     known, sure = np.isfinite(materials.roughness), np.isfinite(materials.metalness)
     told = known.astype(np.uint8) * TOLD[0]
@@ -30,12 +33,15 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
     base = np.empty(materials.albedo.shape, np.uint8)
     rough, metal, level = (np.empty(mask.shape, np.uint8) for _ in range(3))
     bands = [slice(y, y + ROWS) for y in range(0, len(base), ROWS)]
+    full = TOP / USUAL * _usual(materials)
     for rows in bands:
         metal[rows] = _bytes(np.where(sure[rows], materials.metalness[rows], 0))
         rough[rows] = _bytes(np.where(known[rows], materials.roughness[rows], 1))
-        level[rows] = _bytes(materials.specular[rows].mean(-1) / (PLAIN * white))
-    spread(sure, metal)
-    spread(known, rough, level)
+        level[rows] = _bytes(materials.specular[rows].mean(-1) / full)
+    fill(sure, metal)
+    metal[metal > 127], metal[metal <= 127] = 255, 0
+    fill(known, rough)
+    fill(known, level)
     for rows in bands:
         bare = np.where(sure[rows], materials.metalness[rows], 0)[..., None]
         shine = materials.specular[rows] * (metal[rows, :, None] / np.float32(255))
@@ -46,23 +52,46 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
         folder.write(f"{name}.png", encode_png(picture * mask))
 
 
-def spread(known: Bool[np.ndarray, "h w"], *pictures: UInt8[np.ndarray, "h w"]) -> None:
-    """Put into pictures, where nothing is known, what the nearest pixel has where it is; nothing if there is none."""
+def _usual(materials: Materials) -> float:
+    """The median F0 of what is told to be no metal, 1 where nothing is."""
+    step = max(1, int(np.sqrt(materials.roughness.size / ENOUGH)))
+    rough, metal, F0 = (each[::step, ::step] for each in (materials.roughness, materials.metalness, materials.specular))
+    values = F0.mean(-1)[np.isfinite(rough) & (metal != 1)]
+    return float(np.median(values)) or 1.0 if len(values) else 1.0
+
+
+def fill(known: Bool[np.ndarray, "h w"], picture: UInt8[np.ndarray, "h w"]) -> None:
+    """Put into a picture, where nothing is known, a blend of what is known around; nothing where nothing is at all.
+
+    Means of known pixels over squares of 2, 4, 8 ... a side fill what smaller ones leave open (Gortler et al., The
+    Lumigraph, SIGGRAPH 1996: pull and push).
+    """
     import cv2
 
-    if not known.any():
+    if not known.any() or known.all():
         return
-    unknown = (~known).astype(np.uint8)
-    nearest = cv2.distanceTransformWithLabels(unknown, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    number: np.ndarray = nearest[1].astype(np.int32, copy=False)  # of the nearest known pixel
-    del nearest
-    values = np.zeros((len(pictures), int(number.max()) + 1), np.uint8)
-    parts = [slice(y, y + ROWS) for y in range(0, len(known), ROWS)]
-    for picture, each in zip(pictures, values, strict=True):
-        for rows in parts:
-            each[number[rows][known[rows]]] = picture[rows][known[rows]]
-        for rows in parts:
-            picture[rows] = each[number[rows]]
+    h, w = known.shape
+    parts = [slice(y, y + ROWS) for y in range(0, h, ROWS)]
+    share = np.concatenate([means(known[rows].astype(np.float32), 2) for rows in parts])
+    total = np.concatenate([means((picture[rows] * known[rows]).astype(np.float32), 2) for rows in parts])
+    around = np.rint(_filled(total, share)).astype(np.uint8)
+    around = cv2.resize(around, (w, h), interpolation=cv2.INTER_LINEAR)
+    for rows in parts:
+        np.copyto(picture[rows], around[rows], where=~known[rows])
+
+
+def _filled(total: Float[np.ndarray, "h w"], share: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """Means of squares where a quarter of one or more is known, and the less of them the less it is, in place of those
+    around."""
+    import cv2
+
+    mean, share = total / np.maximum(share, 1e-9), np.minimum(1, 4 * share)
+    if share.min() >= 1 or share.size == 1:
+        return mean
+    h, w = share.shape
+    coarse = _filled(means(mean * share, 2), means(share, 2))
+    around = cv2.resize(coarse, (w, h), interpolation=cv2.INTER_LINEAR)
+    return around + (mean - around) * share
 
 
 def _bytes(map: Float[np.ndarray, "h w"]) -> np.ndarray:

@@ -141,6 +141,11 @@ class Streaming(Method, Protocol):
 class Prior(Protocol):
     """A method that a network can start from, in training and in measuring: it takes whole batches."""
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
-        """Unit normals, zero where there is none, from grey levels and lights; leading batch dimensions are allowed."""
+    def normals(
+        self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"], dark: float | None = None
+    ) -> Float[Tensor, "*b p 3"]:
+        """Unit normals, zero where there is none, from grey levels and lights; leading batch dimensions are allowed.
+
+        `dark`: grey level below which a sample is in shadow; None: what these samples tell of it.
+        """
         ...

@@ -43,9 +43,11 @@ class RPCA:
     def __call__(self, seen: Observations) -> Solution:
         return Solution(self.normals(seen.I.to(seen.lights), seen.lights))
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
-        """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
-        A = self.low_rank(I, lit(I))
+    def normals(
+        self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"], dark: float | None = None
+    ) -> Float[Tensor, "*b p 3"]:
+        """Unit normals from grey levels and lights; leading batch dimensions are allowed. `dark`: see `Prior`."""
+        A = self.low_rank(I, lit(I, dark))
         A = torch.where(A.any(-1, keepdim=True), A, I)  # where all is highlight: least squares
         return normalised(scaled_normals(A, L) * (I > 0).any(-1, keepdim=True))
 

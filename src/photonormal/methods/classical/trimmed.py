@@ -44,9 +44,11 @@ class Trimmed:
     def __call__(self, seen: Observations) -> Solution:
         return Solution(self.fit(seen.I, seen.keep, seen.lights))
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
-        """Unit normals from grey levels and lights; leading batch dimensions are allowed."""
-        return self.fit(I, lit(I), L)
+    def normals(
+        self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"], dark: float | None = None
+    ) -> Float[Tensor, "*b p 3"]:
+        """Unit normals from grey levels and lights; leading batch dimensions are allowed. `dark`: see `Prior`."""
+        return self.fit(I, lit(I, dark), L)
 
     def fit(
         self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]

@@ -27,8 +27,11 @@ class Woodham:
     def __call__(self, seen: Observations) -> Solution:
         return Solution(self.normals(seen.I, seen.lights))
 
-    def normals(self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*b p 3"]:
-        """Unit normals from grey levels and lights, as `photonormal.shading` has them; batches are allowed."""
+    def normals(
+        self, I: Float[Tensor, "*b p n"], L: Float[Tensor, "*l n 3"], dark: float | None = None
+    ) -> Float[Tensor, "*b p 3"]:
+        """Unit normals from all grey levels, dark or not, and lights, as `photonormal.shading` has them; batches are
+        allowed."""
         return normalised(scaled_normals(I, L))
 
 

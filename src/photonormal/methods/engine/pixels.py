@@ -28,17 +28,17 @@ AT_A_TIME = {"cpu": 2**13, "cuda": 2**21}  # samples that are encoded
 
 @dataclass(frozen=True)
 class Samples:
-    """What the pixels on the mask of a part of the box show, row by row; one more at the end stands for those outside.
+    """What the pixels on the mask of a part of the box show, row by row; all that follow stand for those outside.
 
     Parameters
     ----------
     mask : (h, w)
-    I : (p + 1, n) scaled
+    I : (q, n) scaled; q > p is so many that equally many are always looked at together
     pixels : (p,) their numbers on the capture's mask, where lights differ from pixel to pixel
     """
 
     mask: Bool[Tensor, "h w"]
-    I: Float[Tensor, "p1 n"]
+    I: Float[Tensor, "q n"]
     capture: Capture = field(repr=False)
     pixels: Int[np.ndarray, " p"] | None
 
@@ -48,14 +48,15 @@ class Samples:
         capture, box, look, device = task.capture, task.box, task.look, task.device
         n, mask = capture.images.shape[0], box.mask[seen].to(device)
         moments = look.moments if look.moments.numel() == 1 else look.moments[..., *seen]
-        I = torch.zeros(int(mask.sum()) + 1, n, device=device)
+        p, step = int(mask.sum()), _together(n, device)
+        I = torch.zeros((p // step + 1) * step, n, device=device)
         for j, images in frames(capture, box, seen, device):
-            I[:-1, j] = scaled(net.scaling, images, mask[None, None], moments, n)[0, 0, 0][mask]
+            I[:p, j] = scaled(net.scaling, images, mask[None, None], moments, n)[0, 0, 0][mask]
         return Samples(mask, I, capture, None if capture.lights_at is None else box.pixels(seen))
 
-    def parts(self, samples: int) -> list[slice]:
-        """Some pixels after the other, so many samples at a time."""
-        step = max(1, samples // self.I.shape[1])
+    def parts(self) -> list[slice]:
+        """Some pixels after the other."""
+        step = _together(self.I.shape[1], self.I.device)
         return [slice(first, first + step) for first in range(0, len(self.I), step)]
 
     def shown(self, some: slice) -> tuple[Float[Tensor, "1 n 1 1 q"], Float[Tensor, "1 n 3 *1q"]]:
@@ -64,8 +65,13 @@ class Samples:
         I, L = self.I[some].T[None, :, None, None], known[None]
         if self.capture.lights_at is not None and self.pixels is not None:
             each = torch.from_numpy(self.capture.lights_at[self.pixels[some]])
-            L = torch.cat([each, L])[: I.shape[-1]].permute(1, 2, 0)[None, :, :, None]
+            L = torch.cat([each, L.expand(I.shape[-1] - len(each), -1, -1)]).permute(1, 2, 0)[None, :, :, None]
         return I, L.to(I.device)
+
+
+def _together(n: int, device: torch.device) -> int:
+    """Pixels of n samples that are encoded together."""
+    return max(1, AT_A_TIME.get(device.type, AT_A_TIME["cuda"]) // n)
 
 
 def digested(
@@ -73,7 +79,9 @@ def digested(
 ) -> list[Float[Tensor, "1 h w c"]]:
     """What each pixel knows of its images in each quarter turn, from the last pass's normals and memory."""
     n, mask, device = samples.I.shape[1], samples.mask, found.device
-    start = torch.cat([found[:, mask].T, found.new_zeros(1, len(found))])  # (p + 1, d)
+    inside = found[:, mask].T  # (p, d)
+    p = len(inside)
+    start = torch.cat([inside, inside.new_zeros(len(samples.I) - p, len(found))])
 
     def digested(some: slice) -> list[Float[Tensor, "q c"]]:
         images, L = samples.shown(some)
@@ -83,12 +91,12 @@ def digested(
                 lights = turned(L, quarters, 2)
                 shared = net.begin(turned(prior, quarters, 1), lights)
                 found.append(net.digest(net.encode(images, lights, shared), n, shared)[0, 0])
-        task.advance(n * (min(some.stop, len(start) - 1) - some.start))  # the one outside is none
+        task.advance(n * (min(some.stop, p) - min(some.start, p)))  # those outside are none
         return found
 
-    parts = side_by_side(digested, samples.parts(AT_A_TIME.get(device.type, AT_A_TIME["cuda"])), device)
+    parts = side_by_side(digested, samples.parts(), device)
     turns = [list(turn) for turn in zip(*parts, strict=True)]
     del parts
-    number = torch.full(mask.shape, len(start) - 1, device=device)
-    number[mask] = torch.arange(len(start) - 1, device=device)
+    number = torch.full(mask.shape, p, device=device)
+    number[mask] = torch.arange(p, device=device)
     return [torch.cat(turns.pop(0))[number[None]] for _ in range(task.rotations)]

@@ -17,9 +17,10 @@ SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in ea
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 KEPT = 640  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
 BAND = 1600  # bytes of each pixel of such rows while they are read
-TILE = 2**16  # pixels looked at together there, by each core, at most
+ROWS = 128  # such rows are looked at together, and less than twice as many
+TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
 TILES = 1 / 6  # of the memory, for these
-MOST = 512  # such rows
+MOST = 512  # such rows that are read together
 
 
 def levels() -> int:
@@ -45,8 +46,8 @@ def tile(
     """
     most, margin = SIDE.get(device.type, SIDE["cuda"]), 2 * passes * net.reach
     if isinstance(net, PixelNetwork):
-        wide, band = (side, side) if side else _band(net, passes, rotations, device, box, n)
-        return (box[0], _down(wide, net.stride)), _down(band, net.stride)
+        wide, band = (side, block(box[0], net.stride)) if side else _band(net, passes, rotations, device, box, n)
+        return (box[0], _down(wide, net.stride)), band
     held = rotations * SEEN / WINDOW
     if not side and device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
         least = min((LEAST + margin) ** 2, box[0] * box[1])
@@ -67,21 +68,31 @@ def _band(
     def needed(wide: int, rows: int) -> float:
         return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
 
-    allowed, most = memory.allowed(), min(h, MOST)
+    allowed, least = memory.allowed(), block(h, net.stride)
     if device.type != "cpu":
-        return w, max(net.stride, min(h, SIDE["cuda"] ** 2 // w))
-    wide, least = w, min(h, LEAST)
+        return w, least * max(1, SIDE["cuda"] ** 2 // w // least)
+    wide = w
     while needed(wide, least) > allowed and wide > LEAST:
         wide //= 2
     _refuse(int(needed(wide, least)), f"a band of {least} rows of {wide} pixels with {margin // 2} around it")
-    return wide, next(rows for rows in range(most, 0, -1) if rows <= least or needed(wide, rows) <= allowed)
+    most = max(1, min(MOST, h) // least)
+    return wide, least * next(k for k in range(most, 0, -1) if k == 1 or needed(wide, k * least) <= allowed)
+
+
+def block(height: int, stride: int) -> int:
+    """Rows of a box that are looked at together, so many at a time: a multiple of a stride."""
+    return -(-height // max(1, height // ROWS) // stride) * stride
 
 
 def tiles(width: int, rows: int, reach: int, stride: int) -> list[slice]:
     """Columns that are looked at together, with `reach` around them, of so many rows; multiples of a stride."""
-    fit = min(TILE, int(memory.allowed() * TILES / SEEN / torch.get_num_threads()))
-    wide = max(stride, _down(fit // max(1, rows) - 2 * reach, stride))
+    wide = max(stride, _down(TILE // max(1, rows) - 2 * reach, stride))
     return [slice(x, min(x + wide, width)) for x in range(0, width, wide)]
+
+
+def at_once() -> int:
+    """How many of these the memory holds."""
+    return max(1, int(memory.allowed() * TILES / SEEN / TILE))
 
 
 def _down(pixels: int, stride: int) -> int:

@@ -12,7 +12,7 @@ from photonormal.methods.contract import Prior
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.windows import Box
-from photonormal.methods.inputs.grey import grey
+from photonormal.methods.inputs.grey import READ, darkest, grey
 from photonormal.methods.inputs.scaling import moment
 from photonormal.progress import progress
 from photonormal.types import Capture, InputError
@@ -59,6 +59,7 @@ def first_look(
     moments: list[Tensor] = []
     parts = _rows(box, plan.pixels(capture))
     asked = rows or slice(0, h)
+    dark = None if prior is None or len(parts) == 1 else _darkest(capture, box, parts, device)
     with progress("a first look", len(parts) * n) as advance:
         for rows in parts:
             start = prior if rows.start < asked.stop and asked.start < rows.stop else None
@@ -79,7 +80,8 @@ def first_look(
             share = mask.sum() / box.mask.sum().to(device)
             moments.append((found * share).nan_to_num(0) if found.numel() == 1 else found)
             if start:
-                N[:, *seen] = _normals(start, I, box.lights(capture, seen).to(device), mask)
+                level = float(darkest(I)) if dark is None else dark
+                N[:, *seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, level)
     if not (lit & box.mask.to(device)).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     N /= N.norm(dim=0, keepdim=True).clamp(min=1e-12)
@@ -87,13 +89,31 @@ def first_look(
     return FirstLook(N, known, lit)
 
 
+def _darkest(capture: Capture, box: Box, parts: list[slice], device: torch.device) -> float:
+    """The level of the whole capture below which samples are in shadow, as evenly spaced pixels tell it."""
+    n, w = capture.images.shape[0], box.mask.shape[1]
+    step, first = max(1, box.count((slice(None), slice(None))) * n // READ), 0
+    samples = []
+    for rows in parts:
+        inside = box.mask[rows].flatten().nonzero()[:, 0]
+        some = inside[-first % step :: step].to(device)
+        first += len(inside)
+        I = torch.empty(len(some), n, device=device)
+        for j, images in frames(capture, box, (rows, slice(0, w)), device):
+            I[:, j] = grey(images).flatten()[some]
+        samples.append(I)
+    return float(darkest(torch.cat(samples)))
+
+
 def _normals(
-    prior: Prior, I: Float[Tensor, "p n"], L: Float[Tensor, "n 3 *hw"], mask: Bool[Tensor, "h w"]
+    prior: Prior, I: Float[Tensor, "p n"], L: Float[Tensor, "n 3 *hw"], mask: Bool[Tensor, "h w"], dark: float
 ) -> Float[Tensor, "3 h w"]:
     found = torch.zeros(3, *mask.shape, device=I.device)
     step = max(1, plan.levels() // PART // max(1, I.shape[1]))
     seen = L if L.ndim == 2 else L[:, :, mask].permute(2, 0, 1)  # (p, n, 3)
-    parts = [prior.normals(I[a : a + step], L if L.ndim == 2 else seen[a : a + step]) for a in range(0, len(I), step)]
+    parts = [
+        prior.normals(I[a : a + step], L if L.ndim == 2 else seen[a : a + step], dark) for a in range(0, len(I), step)
+    ]
     if parts:
         found[:, mask] = torch.cat(parts).T
     return found

@@ -13,8 +13,8 @@ P = TypeVar("P")
 T = TypeVar("T")
 
 
-def side_by_side(f: Callable[[P], T], parts: Iterable[P], device: torch.device) -> list[T]:
-    """``f`` of every part, in order: on a processor by as many threads as torch has, each with one core.
+def side_by_side(f: Callable[[P], T], parts: Iterable[P], device: torch.device, most: int = 2**10) -> list[T]:
+    """``f`` of every part, in order: on a processor by as many threads as torch has, or `most`, each with one core.
 
     Threads that share each small step wait for one another longer than they work where other programs run, too.
     """
@@ -28,7 +28,7 @@ def side_by_side(f: Callable[[P], T], parts: Iterable[P], device: torch.device) 
 
     torch.set_num_threads(1)  # of this thread, and of those that begin from now on
     try:
-        with ThreadPoolExecutor(threads) as pool:
+        with ThreadPoolExecutor(min(threads, most)) as pool:
             return [done.result() for done in [pool.submit(copy_context().run, alone, part) for part in parts]]
     finally:
         torch.set_num_threads(threads)

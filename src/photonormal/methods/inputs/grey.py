@@ -72,12 +72,13 @@ def level(I: Float[Tensor, "*b p n"], quantile: float) -> Float[Tensor, "*b 1 1"
     return samples.kthvalue(k, dim=-1, keepdim=True).values[..., None]
 
 
-def lit(I: Float[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
+def lit(I: Float[Tensor, "*b p n"], dark: float | None = None) -> Bool[Tensor, "*b p n"]:
     """Samples not in shadow: brighter than 2 % of the capture's 99th percentile or 6 % of its 75th.
 
-    The second is the lower one on metal, where few samples are very bright and most are dim but lit.
+    The second is the lower one on metal, where few samples are very bright and most are dim but lit. `dark`: that
+    level, where these are not all samples of a capture.
     """
-    return I > darkest(I)
+    return I > (darkest(I) if dark is None else dark)
 
 
 def darkest(I: Float[Tensor, "*b p n"]) -> Float[Tensor, "*b 1 1"]:

@@ -6,7 +6,7 @@ Training calls the network on a batch; measuring feeds the same three steps imag
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Literal, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 import torch
@@ -157,8 +157,8 @@ class PixelNetwork(Network):
 
     @property
     def reach(self) -> int:  # type: ignore[override]
-        """Of all steps together, a multiple of the stride."""
-        return -(-sum(step.reach for step in self.steps(1)) // self.stride) * self.stride
+        """Of all steps together, each a multiple of the stride."""
+        return max(lateness(self.steps(1), self.stride).values())
 
     @abstractmethod
     def digest(self, pooled: Any, n: int, shared: Any) -> Float[Tensor, "b h w c"]:
@@ -170,6 +170,15 @@ class PixelNetwork(Network):
             told = maps[step.gives] = step.of(*(maps[name] for name in step.reads))
         assert told is not None
         return told
+
+
+def lateness(steps: Sequence[Step], stride: int) -> dict[str, int]:
+    """By how many rows of the picture each step's map comes later than the maps that the steps begin with, where rows
+    come one after the other: multiples of a stride."""
+    late: dict[str, int] = {}
+    for step in steps:
+        late[step.gives] = max(late.get(name, 0) for name in step.reads) + -(-step.reach // stride) * stride
+    return late
 
 
 def at_pixels(lights: Float[Tensor, "b k 3 *hw"]) -> Float[Tensor, "b k 3 h w"]:

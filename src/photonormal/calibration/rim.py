@@ -12,8 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import gaussian_filter1d
-from scipy.optimize import least_squares
 
 from photonormal.calibration.circle import Circle
 
@@ -59,6 +57,8 @@ def faded(mean: Float[np.ndarray, "h w"], circle: Circle, pixel: float = 1.0) ->
         G = Bt @ B + len(t) * np.diag([1e-6, STEP_COSTS, 1e-6, 1e-6, 1e-6])
         return (P - B @ np.linalg.solve(G, Bt @ P)).ravel()
 
+    from scipy.optimize import least_squares
+
     centre = 2 if circle.r < SMALL * pixel else 0  # unknowns
     start, far = np.array([circle.r, pixel] + [0.0] * centre), FARTHEST * half
     found = least_squares(
@@ -84,6 +84,8 @@ def _slopes(f: Callable[[np.ndarray], np.ndarray], p: np.ndarray, h: np.ndarray)
 
 def _rim(u: np.ndarray, r: float, blur: float, step: float) -> Float[np.ndarray, "*b 5"]:
     """Fading, step, slopes outside and inside, and 1, at distances `u` from an outline of radius r, blurred."""
+    from scipy.ndimage import gaussian_filter1d
+
     margin = 4 * blur + 2 * step
     fine = np.arange(u.min() - margin, u.max() + margin, step)
     cosine = np.sqrt(1 - (1 + fine / r).clip(0, 1) ** 2)

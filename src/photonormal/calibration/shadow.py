@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy.optimize import minimize
 
 from photonormal.calibration.circle import Circle
 from photonormal.calibration.mirror import directions
@@ -93,6 +92,7 @@ class Surroundings:
 
     def fitted(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Circle:
         """The circle close to another one that explains the shadows best."""
+        from scipy.optimize import minimize
 
         def of(p: np.ndarray) -> Circle:
             x, y, r = circle.x + p[0] * circle.r, circle.y + p[1] * circle.r, circle.r * np.exp(p[2])

@@ -22,7 +22,7 @@ ROWS = 256  # of each photograph that tell what is white
 BRIGHTEST = 0.999  # share of the samples that are at most white
 PIXELS = 2**17  # fitted at a time: memory that is asked for anew costs more than reading in smaller parts
 BLOCK = 2**15  # samples encoded at a time: they fit into a cache
-RIDGE = 1e-10  # of lights that differ from pixel to pixel: what keeps coefficients short where lights are too alike
+RIDGE = 1e-4  # about the squared error that 8 bits leave, over white: what lights tell less of stays short
 PIECE = 2**20  # numbers of all layers that are worked on at a time
 
 
@@ -30,7 +30,8 @@ PIECE = 2**20  # numbers of all layers that are worked on at a time
 class Fit:
     """The least-squares fit of a capture's photographs, as they look on a screen, by a basis.
 
-    Where lights are too few or too alike to tell all terms, the shortest coefficients are taken.
+    Coefficients C minimise |B C - I|^2 + ridge trace(B'B) |C|^2, so that those stay short that lights tell little of:
+    long ones, which cancel each other under the lights that there are, would be stored too coarsely.
 
     Raises
     ------
@@ -40,6 +41,7 @@ class Fit:
 
     capture: Capture
     basis: Basis
+    ridge: float = RIDGE
 
     def __post_init__(self) -> None:
         n, k = self.capture.images.shape[0], self.terms
@@ -112,17 +114,20 @@ class Fit:
         n, p, c = shown.shape
         lights_at = self.capture.lights_at
         if lights_at is None:
-            inverse = np.linalg.pinv(self.basis(self.capture.known_lights())).astype(np.float32)
+            inverse = self._inverse(self.basis(self.capture.known_lights())).astype(np.float32)
             return (inverse @ shown.reshape(n, -1)).reshape(-1, p, c)
         fitted, some = np.empty((self.terms, p, c), np.float32), max(1, BLOCK // n)
         for first in range(0, p, some):
             last = min(first + some, p)
             B = self.basis(lights_at[pixels.start + first : pixels.start + last].astype(np.float64))  # (some, n, k)
-            gram = B.swapaxes(1, 2) @ B
-            gram += RIDGE * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(self.terms)
-            C = np.linalg.solve(gram, B.swapaxes(1, 2) @ shown[:, first:last].swapaxes(0, 1))
-            fitted[:, first:last] = C.swapaxes(0, 1)
+            fitted[:, first:last] = (self._inverse(B) @ shown[:, first:last].swapaxes(0, 1)).swapaxes(0, 1)
         return fitted
+
+    def _inverse(self, B: Float[np.ndarray, "*p n k"]) -> Float[np.ndarray, "*p k n"]:
+        """From samples to coefficients."""
+        gram = B.swapaxes(-1, -2) @ B
+        gram += self.ridge * np.trace(gram, axis1=-2, axis2=-1)[..., None, None] * np.eye(self.terms)
+        return np.linalg.solve(gram, B.swapaxes(-1, -2))
 
 
 def pieces(layers: Sequence[Rows | np.ndarray]) -> Iterator[tuple[slice, Float[np.ndarray, "k rows w 3"]]]:

@@ -14,6 +14,7 @@ from photonormal.relighting.fit import Fit, pieces
 from photonormal.types import Capture, InputError
 
 QUALITY = 95  # of JPEG
+RIDGE = 3e-4  # of the fit: JPEG leaves larger errors than 8 bits do
 LARGEST = 65535  # pixels of a JPEG picture's side
 TEXTURE = 4096  # pixels of a picture's side that every graphics card takes; larger ones become tiles for OpenLIME
 PTM = [5, 3, 4, 0, 2, 1]  # 1, u, v, u^2, u v, v^2: their order here, as places in the order of .ptm files
@@ -36,7 +37,7 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
     InputError
         If the capture's lights are unknown or too few, or a picture would be too large.
     """
-    fit = Fit(capture, FORMATS[kind].basis)
+    fit = Fit(capture, FORMATS[kind].basis, RIDGE)
     (h, w), k = fit.size, fit.terms
     openlime = kind.startswith("openlime")
     webp = webp and openlime

@@ -24,6 +24,8 @@ def test_positions_in_a_table_and_in_an_lp(tmp_path):
     assert near.lamps is not None
     np.testing.assert_allclose(near.lamps.positions_mm, 300 * LIGHTS[1:])
     assert load(folder).lamps is None
+    assert any("400 long and were taken for directions" in note for note in load(folder).notes)
+    assert not any("taken for directions" in note for note in load(folder, mm_per_px=0.5).notes)
 
 
 def test_a_dome_is_around_the_object(tmp_path):

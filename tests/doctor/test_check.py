@@ -85,6 +85,12 @@ def test_a_wrong_frame_is_named_and_corrected(right, change, says):
     assert angle_deg(found[0].lights, LIGHTS).max() < 1e-3
 
 
+def test_the_lights_of_another_dome_are_told_and_not_corrected(right):
+    others = normalised(np.random.default_rng(6).uniform(-1, 1, (len(LIGHTS), 3)) * [1, 1, 0] + [0, 0, 1])
+    (found,) = [f for f in check(replace(right, lights=others)) if f.kind == "order"]
+    assert found.grave and found.lights is None and "don't belong to these pictures" in found.message
+
+
 def test_a_wrong_order_in_a_wrong_frame_is_corrected(right):
     (found,) = [f for f in check(replace(right, lights=(LIGHTS * [1, -1, 1])[::-1])) if f.kind == "order"]
     assert "the reversed order fits, and y is flipped" in found.message

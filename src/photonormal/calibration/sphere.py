@@ -99,9 +99,9 @@ class Sphere:
         doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h and h.rivals]
         if doubtful:
             found.append(
-                f"{len(doubtful)} pictures of {self.where} ({', '.join(doubtful[:3])}{', ...' * (len(doubtful) > 3)}) "
-                "have several reflections of similar strength and the strongest was taken; look at the picture, switch "
-                "other lamps off, or leave those pictures out."
+                f"the sphere in {self.where} shows several reflections of similar strength in {len(doubtful)} of "
+                f"{len(names)} pictures ({', '.join(doubtful[:3])}{', ...' * (len(doubtful) > 3)}), and the strongest "
+                "was taken; look at the picture, switch other lamps off, or leave pictures out with --skip."
             )
         try:
             self.circle.check_inside(self.shape, self.where)

@@ -19,7 +19,7 @@ from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, par
 from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import read_lights
 from photonormal.capture.lights.match import in_order_of
-from photonormal.capture.lights.near import placed
+from photonormal.capture.lights.near import long_directions, placed
 from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
 from photonormal.capture.orientation import read_drawn
@@ -141,6 +141,7 @@ def assemble(
     images = corrected(samples, choice, lens, None if mask is None else box_of(mask, margin), flats)
     if lamps is None:
         lamps, camera = placed(lit.vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, frame)
+        notes += long_directions(lit.vectors, lamps)
     else:
         lamps = lamps[lit.chosen]
     given = truth(frame) if callable(truth) else truth

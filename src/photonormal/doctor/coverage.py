@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from photonormal.doctor.finding import Finding
+from photonormal.doctor.finding import Finding, counted
 
 FEW = 6  # lights: fewer leave no sample to spare for a shadow or a highlight
 NARROW_DEG = 25.0  # from the axis: lights nearer than that tell little of steep parts
@@ -53,8 +53,8 @@ def coverage(L: Float[np.ndarray, "n 3"]) -> list[Finding]:
     below = np.flatnonzero(L[:, 2] < 0)
     if below.size:
         found.append(
-            f"{len(below)} lights lie behind the object (z below 0); z has to point from the object to the camera, so "
-            "turn its sign in the file, or leave those lights out"
+            f"{counted(len(below), 'light lies', 'lights lie')} behind the object (z below 0); z has to point from the "
+            "object to the camera, so turn its sign in the file, or choose the other pictures with --images"
         )
     return [Finding("coverage", bool(below.size), f"{line}.", numbers) for line in found]
 

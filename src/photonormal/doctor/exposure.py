@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.samples import Samples
 from photonormal.types import Capture
 
@@ -29,8 +29,9 @@ def saturation(samples: Samples, capture: Capture) -> list[Finding]:
         Finding(
             "saturation",
             bool(samples.saturated.mean() > SATURATED),
-            f"{len(bad)} pictures are saturated on more than {100 * SATURATED:.0f} % of the object ({listed(names)}; "
-            f"up to {100 * samples.saturated[worst[0]]:.0f} %); expose them less, or trim highlights.",
+            f"{counted(len(bad), 'picture is', 'pictures are')} saturated on more than {100 * SATURATED:.0f} % of the "
+            f"object ({listed(names)}; up to {100 * samples.saturated[worst[0]]:.0f} %); expose "
+            "less, or trim highlights.",
             {"pictures": names, "saturated_percent": round(100 * float(samples.saturated.mean()), 2)},
         )
     ]
@@ -46,8 +47,8 @@ def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]
             Finding(
                 "darkness",
                 True,
-                f"{len(black)} pictures are black ({listed(off)}): their lamps were off or point elsewhere; leave "
-                "them and their lights out, or photograph them again.",
+                f"{counted(len(black), 'picture is', 'pictures are')} black ({listed(off)}): the lamp was off or "
+                "points elsewhere; choose the others with --images, or photograph this again.",
                 {"pictures": off},
             )
         )

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from photonormal.calibration.intensities import SHADOW, robust_normals, self_calibrated
-from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.frame import GIVEN, Surface, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
 from photonormal.doctor.misfit import MATT, OF_PART, Pixels
@@ -25,8 +25,12 @@ ANGLES_DEG = 6.0  # between a normal and the direction halfway to the light, by 
 ORIENTATIONS = 5  # of them at least: fewer may all shine
 ELSEWHERE = 0.7  # of the logarithm of a factor at half of the samples, that is left at those farther from shine
 SHINING = 0.85  # of the variance of factors that follows the lights' directions smoothly, as shine of what is flat does
+DARK = 1e-3  # of the mean of all, the least that a picture counts
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
+LIGHTS = 10  # of which it can be told whether they are other pictures'
+AS_CHANCE, WORSE, ROUGH = 0.6, 1.5, 0.5  # misfit, times what any three lights leave unexplained, and variance of the
+# pictures' brightness that follows the lights' directions smoothly, at which they are
 
 
 def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> tuple[list[Finding], Given]:
@@ -46,6 +50,8 @@ def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[st
     tried = [(order, v) for order, v in tried if v.curl <= MORE_CURL * plain.curl]  # surfaces have the least of it
     if tried:
         return _reordered(given, names, orders, tried)
+    if strangers := _of_other_pictures(given, mask, orders):
+        return [strangers], given
     found = wrong_frame(given_as_is)
     if found is None:
         return [], given
@@ -95,6 +101,27 @@ def _reordered(
     return [finding], right
 
 
+def _of_other_pictures(given: Given, mask: Bool[np.ndarray, "h w"], orders: Orders) -> Finding | None:
+    """Lights that explain the pictures hardly better than in a random order, where others would explain them better.
+
+    Under its own lights an object is bright or dark by where each stands, however it shines; under others it is not.
+    """
+    L = given.directions()
+    pixels, misfit = Pixels.of(given.seen(), mask), orders.misfit(np.arange(len(L)))
+    if pixels is None or len(L) < LIGHTS or misfit < AS_CHANCE:
+        return None
+    left, least = (float(np.median(pixels.fit(lights)[1])) for lights in (L, orders.principal()))
+    brightness = np.median(pixels.I / pixels.I.mean(1, keepdims=True), axis=0)
+    if left < WORSE * least or smooth(np.log(brightness.clip(DARK)), L) > ROUGH:
+        return None
+    message = (
+        f"the lights don't belong to these pictures: others would explain them {left / least:.1f} times better. They "
+        "are another dome's or another day's, or in an order that could not be found; give the file that was made for "
+        "this capture, with the lights in the pictures' order."
+    )
+    return Finding("order", True, message, {"misfit": round(misfit, 3), "times": round(left / least, 1)})
+
+
 def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> list[Finding]:
     """Lights brighter or darker than given, by the object's own shading, where that explains it in all parts.
 
@@ -142,7 +169,8 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
             return []
         message = (
             f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
-            "give light_intensities.txt, or calibrate them."
+            "find them with `photonormal intensities FOLDER --out FOLDER/light_intensities.txt`, or add "
+            "--exif-exposure if the camera's exposure changed."
         )
         return [Finding("intensities", True, message, numbers)]
 
@@ -153,8 +181,9 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     worst = off[np.argsort(-np.abs(np.log(factor[off])))]
     text = listed([f"{names[j]} x {factor[j]:.2f}" for j in worst])
     message = (
-        f"{len(off)} lights are brighter or darker than given ({text}); correct light_intensities.txt or the "
-        "exposure, or leave those pictures out."
+        f"{counted(len(off), 'light is', 'lights are')} brighter or darker than given ({text}); correct "
+        "light_intensities.txt, or choose the other pictures with --images. If the camera's exposure changed, add "
+        "--exif-exposure."
     )
     if factor[off].min() < 1 / SPOILS:
         message += " What is far darker shows other light, with its lamp off."

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.laid import LEAST, Pictures, lay_otherwise, log_odds, tell
 
 UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, below which it may have moved
@@ -105,8 +105,9 @@ def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str])
         Finding(
             "motion",
             True,
-            f"{len(moved)} pictures are shifted against the others ({_told(shift, names)}; right and down are "
-            "positive); align them, or leave them out and fix camera and object.",
+            f"{counted(len(moved), 'picture is', 'pictures are')} shifted against the others ({_told(shift, names)}; "
+            "right and down are positive); align what is shifted in an image editor, choose the others with --images, "
+            "or photograph again with camera and object fixed.",
             {"shifts_px": {names[j]: [round(float(v), 2) for v in shift[j]] for j in moved}},
         )
     ]

@@ -64,6 +64,10 @@ class Orders:
         floor, chance = self.scale()
         return (self.outside(order) - floor) / max(chance - floor, 1e-6)
 
+    def principal(self) -> Float[np.ndarray, "n 3"]:
+        """Three columns that explain more than any lights do; orthonormal."""
+        return np.linalg.eigh(self.G)[1][:, -3:]
+
     def better(self, names: Sequence[str]) -> list[Int[np.ndarray, " n"]]:
         """Orders that fit much better than the given one, best first, simple ones before others; none if it fits."""
         n, (floor, chance) = len(self.L), self.scale()
@@ -128,7 +132,7 @@ class Orders:
         from scipy.optimize import linear_sum_assignment
 
         u, _, vt = np.linalg.svd(self.L, full_matrices=False)
-        U, S = u @ vt, np.linalg.eigh(self.G)[1][:, -3:]  # (n, 3) both
+        U, S = u @ vt, self.principal()  # (n, 3) both
         to, back = _frame(U.mean(0)), _frame(S.mean(0))
         found = {}
         for mirror in (1.0, -1.0):

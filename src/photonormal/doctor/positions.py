@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.given import Near, matt_misfit
 
 CLOSE = 1.5  # widths of the object: nearer lamps leave much in shadow, and depth has to be known well
@@ -36,14 +36,17 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
     if dark:
         say(
             True,
-            f"{len(dark)} lamps shine away from the object ({listed([names[j] for j in dark])}); turn their axes, "
+            f"{counted(len(dark), 'lamp shines', 'lamps shine')} away from the object "
+            f"({listed([names[j] for j in dark])}); turn their axes, "
             "which point from a lamp to where it shines most.",
         )
     odd = np.flatnonzero(np.abs(np.log(r / usual)) > np.log(APART)).tolist()
     if odd:
         text = listed([f"{names[j]} at {r[j]:.3g} mm" for j in odd])
         say(
-            True, f"{len(odd)} lamps are much nearer or farther than the others' {usual:.3g} mm ({text}); correct them."
+            True,
+            f"{counted(len(odd), 'lamp is', 'lamps are')} much nearer or farther than the others' {usual:.3g} mm "
+            f"({text}); correct the positions.",
         )
     factor = None if dark else other_scale(given, width)
     if factor is not None:

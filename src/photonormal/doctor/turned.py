@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from photonormal.doctor.finding import Finding, listed
+from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.laid import Pictures, laid_in_turn, lay_otherwise, tell
 
 
@@ -76,7 +76,8 @@ def turned(
         return []
     degrees = " and ".join(str(90 * k) for k in np.unique(found[group]))
     message = (
-        f"{len(group)} pictures are turned by {degrees} degrees against the others ({listed([names[j] for j in group])}"
-        "); export all as the camera's sensor saw them, without what Exif says of how it was held."
+        f"{counted(len(group), 'picture is', 'pictures are')} turned by {degrees} degrees against the others "
+        f"({listed([names[j] for j in group])}); export all as the camera's sensor saw them, without what Exif says of "
+        "how it was held."
     )
     return [Finding("turned", True, message, {"turns_deg": {names[j]: int(90 * found[j]) for j in group}})]

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from photonormal.capture.lights.table import UNEQUAL
 from photonormal.types import Camera, InputError, Lamps
+
+LONG = 10.0  # vectors that are all so long are rather positions in mm than directions
 
 
 def placed(
@@ -44,3 +47,16 @@ def placed(
             "with --dome-radius-mm, or leave --mm-per-px out."
         )
     return Lamps(lights), camera
+
+
+def long_directions(vectors: np.ndarray | None, lamps: Lamps | None) -> list[str]:
+    """What the user should know of (n, 3) vectors that were taken for directions and look like a dome's positions."""
+    if vectors is None or lamps is not None:
+        return []
+    length = np.linalg.norm(vectors, axis=1)
+    if length.min() < LONG or length.max() > UNEQUAL * length.min():  # which are told as vectors of unequal length
+        return []
+    return [
+        f"the lights' vectors are {np.median(length):.3g} long and were taken for directions; if they are positions in "
+        "mm, add --mm-per-px, the width of a pixel on the object."
+    ]

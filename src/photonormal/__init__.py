@@ -1,6 +1,6 @@
 """photonormal: surface normals, depth and meshes from photographs under known lights.
 
-Importing it loads neither torch nor OpenCV; each is loaded by the first call that needs it.
+Importing it loads neither torch nor OpenCV nor SciPy; each is loaded by the first call that needs it.
 """
 
 __version__ = "0.1.0"

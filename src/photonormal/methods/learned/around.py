@@ -11,6 +11,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from photonormal.methods.learned.layers import Block, conv
+from photonormal.methods.learned.network import Step
 
 FAR = 192  # channels at an eighth of the resolution
 PIXELS = 2**13  # levelled at a time: their float32 features stay in a processor's cache
@@ -71,7 +72,7 @@ class Far(nn.Module):
 
 
 class Coarse(nn.Module):
-    """What is seen at a quarter of the resolution, and with `far` blocks at an eighth: `reduced`, then `around`."""
+    """What is seen at a quarter of the resolution, and with `far` blocks at an eighth: see `steps`."""
 
     def __init__(self, width: int, layers: int, far: int, level: nn.Module) -> None:
         super().__init__()
@@ -82,16 +83,17 @@ class Coarse(nn.Module):
         self.join = Refine(width, level) if far else nn.Identity()
         self.last = starting_at(0.0, nn.Conv2d(width, width, 1, bias=False))
         self.stride = 8 if far else 4
-        through = sum(getattr(part, "reach", 0) for part in (self.far, self.join))
-        self.reach = -(-4 * (layers + through) // self.stride) * self.stride  # of `around`, pixels of the picture
 
-    def reduced(self, x: Float[Tensor, "b c h w"]) -> Float[Tensor, "b c i j"]:
-        """To a quarter of the resolution: each pixel there sees less than four pixels around."""
-        return self.layers[:2](self.level(x))
-
-    def around(self, y: Float[Tensor, "b c i j"]) -> Float[Tensor, "b c i j"]:
-        """What is seen around, at a quarter of the resolution."""
-        return self.last(self.level(self.join(self.far(self.layers[2:](y)))))
+    def steps(self, reads: str, gives: str) -> list[Step]:
+        """To a quarter of the resolution, where a pixel sees less than four around; and what is seen around there."""
+        further = len(self.layers) - 2
+        far, join = (getattr(part, "reach", 0) for part in (self.far, self.join))
+        return [
+            Step("reduced", (reads,), lambda x: self.layers[:2](self.level(x)), reach=4, stride=4),
+            Step("further", ("reduced",), self.layers[2:], reach=4 * further, stride=4),
+            Step("far", ("further",), self.far, reach=-(-4 * far // self.stride) * self.stride, stride=4),
+            Step(gives, ("far",), lambda y: self.last(self.level(self.join(y))), reach=4 * join, stride=4),
+        ]
 
 
 def joined(x: Float[Tensor, "b c h w"], y: Float[Tensor, "b c i j"]) -> Float[Tensor, "b c h w"]:

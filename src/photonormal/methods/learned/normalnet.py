@@ -162,8 +162,7 @@ class NormalNet(PixelNetwork):
         sees = -(-(sees + 2) // 4) * 4  # joined to what is around
         return [
             near,
-            Step("reduced", ("near",), coarse.reduced, reach=4, stride=4),
-            Step("around", ("reduced",), coarse.around, reach=coarse.reach, stride=4),
+            *coarse.steps("near", "around"),
             Step(
                 "told",
                 ("near", "around", "frame"),

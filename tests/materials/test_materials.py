@@ -203,3 +203,16 @@ def test_the_command_writes_the_maps(tmp_path):
     assert abs(np.median(maps["roughness"][known > 0]) / 255 - 0.35) < 0.1
     assert (maps["metalness"] > 0).mean() < 0.1
     assert set(json.loads((tmp_path / "r" / "report.json").read_text())["files"]) >= {f"{n}.png" for n in maps}
+
+
+def test_an_albedo_fades_where_highlights_are_no_longer_told():
+    where = torch.ones(30, 40, dtype=torch.bool)
+    column = torch.arange(40).repeat(30)
+    told = column < 20
+    alone = torch.full((1200, 3), 0.5)
+    rho = torch.where(told[:, None], 0.4, 0.3)
+    shown = maps.blended(rho, alone, told, told, where).view(30, 40, 3)[15, :, 0]
+    assert torch.allclose(shown[:20], torch.tensor(0.4)) and torch.allclose(shown[26:], torch.tensor(0.5))
+    assert (shown.diff() >= -1e-6).all() and shown.diff().max() < 0.035  # it was a step of 0.1
+    none = maps.blended(torch.where(told[:, None], 0.4, 0.5), alone, told, told, where).view(30, 40, 3)[15, :, 0]
+    assert torch.allclose(none[20:], torch.tensor(0.5))  # their own samples show no highlight

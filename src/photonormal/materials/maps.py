@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.files import memory
 from photonormal.masked import row_bands
 from photonormal.materials.lobes import BARE, ROUGHNESS, Samples, fitted, likeliest, log_likelihood, samples
-from photonormal.materials.neighbours import RADIUS, company, pooled
+from photonormal.materials.neighbours import RADIUS, company, pooled, smooth
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.engine.workers import side_by_side
@@ -25,11 +25,12 @@ PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache
 SHARE = 1 / 8  # of the memory for what is held of some rows at a time:
 SAMPLE, FOUND = 6, 240  # bytes of each sample, and of what is found of a pixel on the way
 FITTED = ("albedo", "F0", "alone", "told", "certain")
-AROUND = 3 * RADIUS  # rows that help to tell: neighbours choose the roughness, say if it is told, and whether metal
+AROUND = 5 * RADIUS  # rows that help to tell: neighbours choose the roughness, say if it is told, whether metal; blends
 SATURATED = 0.995  # of the largest sample, from which one tells too little
 MATT = 0.6  # share of the albedo in albedo + F0 above which nothing is a metal,
 TINTED = 0.3  # below which it is one where
 COLOURED = 0.4  # F0 of the channels differs by this much of the largest
+FADES = -1.0, 0.0  # logarithms of what the absence of a highlight may change an albedo by
 
 
 def materials_of(capture: Capture, normals: Normals) -> Materials:
@@ -86,9 +87,10 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
         return which & (company(some, where)[where] >= roughness.square())
 
     told = believed(told)
-    rho, F0 = torch.where(told[:, None], rho, alone), F0 * told[:, None]
+    two, rho, F0 = rho, torch.where(told[:, None], rho, alone), F0 * told[:, None]
     metal = metalness(rho, F0, certain & told)
     metal = torch.where((metal == 1) & ~believed(metal == 1), torch.nan, metal)
+    rho = blended(two, alone, told, metal == 0, where)
     roughness = torch.where(told, roughness, torch.nan)
     kept = np.zeros_like(on)
     kept[rows.start - around.start : rows.stop - around.start] = True
@@ -148,6 +150,28 @@ def _roughness(seen: list[Seen], where: Bool[Tensor, "h w"], channels: int) -> F
 
     side_by_side(guess, zip(seen, numbers, strict=True), CPU)
     return torch.cat(side_by_side(choose, row_bands(where.numpy(), PIXELS), CPU))
+
+
+def blended(
+    rho: Float[Tensor, "p c"],
+    alone: Float[Tensor, "p c"],
+    told: Bool[Tensor, " p"],
+    matt: Bool[Tensor, " p"],
+    where: Bool[Tensor, "h w"],
+) -> Float[Tensor, "p c"]:
+    """The albedo, `rho` where it is told, else `alone`, which fades where both meet: a highlight does not end where it
+    is no longer told.
+
+    By what it brightens told ones, the `matt` ones among them, it brightens untold ones near them, the less the farther
+    they are off, and not more than their own samples say.
+    """
+    own = (rho.clamp(min=1e-9) / alone.clamp(min=1e-9)).log().clamp(*FADES)
+    map = torch.zeros(own.shape[1] + 2, *where.shape)
+    map[:, where] = torch.cat([torch.where(matt[:, None], own, 0).T, matt[None].float(), torch.ones(1, len(told))])
+    *total, share, on = smooth(map)[:, where]
+    weight = (2 * share / on).clamp(max=1) / share.clamp(min=1e-6)  # together 1 at a straight edge
+    fade = torch.stack(total, 1) * weight[:, None]
+    return torch.where(told[:, None], rho, alone * torch.maximum(fade, own).exp())
 
 
 def metalness(rho: Float[Tensor, "p c"], F0: Float[Tensor, "p c"], certain: Bool[Tensor, " p"]) -> Float[Tensor, " p"]:

@@ -1,4 +1,4 @@
-"""What pixels tell together: sums over those near a pixel that look alike, and how many of those near it are told."""
+"""What pixels tell together: sums over like ones near a pixel, how many of those near it are told, means."""
 
 from __future__ import annotations
 
@@ -37,3 +37,8 @@ def company(told: Bool[Tensor, "h w"], on: Bool[Tensor, "h w"]) -> Float[Tensor,
     """The share of told pixels among those near a pixel that are on the object, itself included."""
     counts = [avg_pool2d(which[None].float(), 2 * RADIUS + 1, 1, RADIUS)[0] for which in (told & on, on)]
     return counts[0] / counts[1].clamp(min=1e-6)
+
+
+def smooth(maps: Float[Tensor, "k h w"]) -> Float[Tensor, "k h w"]:
+    """Means over a pixel's neighbours, near ones more: squares twice, zero beyond the edges."""
+    return avg_pool2d(avg_pool2d(maps, 2 * RADIUS + 1, 1, RADIUS), 2 * RADIUS + 1, 1, RADIUS)

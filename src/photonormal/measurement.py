@@ -78,6 +78,7 @@ def measure(
     seconds: dict[str, float] = {}
     samples, warnings, told = None, [], None
     findings: list[Finding] = []
+    from photonormal.methods.contract import Streaming
     from photonormal.methods.engine import check as check_needs
     from photonormal.methods.engine import on_mask, run_as_it_is, with_lights
     from photonormal.methods.engine.cutoff import Repaired, given_back
@@ -117,7 +118,7 @@ def measure(
     with _stage("solve", seconds):
         with computing_in(precision):
             found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
-            computed_in = number_format(where) if solver.needs.reads == "stream" else None
+            computed_in = number_format(where, solver.exact) if isinstance(solver, Streaming) else None
         normals = on_mask(found, capture)
     lit, told_deg = with_lights(whole, found), found.told_deg
     if told is None and found.lights is not None:

@@ -12,7 +12,7 @@ import photonormal as pn
 from photonormal.cli import main
 from photonormal.geometry import angle_deg
 from photonormal.methods.learned import processor
-from photonormal.methods.learned.processor import computing_in, inner_precision, number_format
+from photonormal.methods.learned.processor import computing_in, inner_precision, number_format, of_rows
 from photonormal.types import InputError
 
 CPU = torch.device("cpu")
@@ -55,6 +55,21 @@ def test_it_is_asked_for_inside_a_block_only():
 def test_auto_is_bf16_where_the_machine_knows_it(monkeypatch):
     monkeypatch.setattr(processor, "knows_bf16", lambda device_type: device_type == "cuda")
     assert [number_format(torch.device(d)) for d in ("cpu", "cuda")] == ["float32", "bf16"]
+
+
+def test_auto_leaves_normalnet_exact_on_a_processor(monkeypatch):
+    monkeypatch.setattr(processor, "knows_bf16", lambda device_type: True)
+    found = pn.measure(pn.load("demo", images="1-6"), "normalnet", integration=None).report
+    assert found is not None and found["precision"] == "float32"
+    assert [number_format(torch.device(d), exact=True) for d in ("cpu", "cuda")] == ["float32", "bf16"]
+    with computing_in("bf16"):
+        assert number_format(CPU, exact=True) == "bf16"
+
+
+@pytest.mark.parametrize("rows", [5, 64])
+def test_a_layer_of_rows_is_the_layer(rows):
+    layer, x = torch.nn.Linear(6, 3), torch.rand(rows, 6)
+    torch.testing.assert_close(of_rows(layer, x), layer(x))
 
 
 def test_an_unknown_one_is_refused():

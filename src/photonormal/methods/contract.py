@@ -128,6 +128,9 @@ class Streaming(Method, Protocol):
     fast: ClassVar[bool] | bool
     """Whether the network looks at half the resolution (`photonormal.methods.engine.halved`)."""
 
+    exact: ClassVar[bool]
+    """Whether it computes in float32 on a processor unless it is told otherwise."""
+
     def network(self) -> Any:
         """The network with its weights."""
         ...

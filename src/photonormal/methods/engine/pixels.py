@@ -86,7 +86,7 @@ def digested(
     def digested(some: slice) -> list[Float[Tensor, "q c"]]:
         images, L = samples.shown(some)
         prior, found = start[some].T[None, :, None], []  # (1, d, 1, q)
-        with inner_precision(device):
+        with inner_precision(device, net.exact):
             for quarters in range(task.rotations):
                 lights = turned(L, quarters, 2)
                 shared = net.begin(turned(prior, quarters, 1), lights)

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from photonormal.methods.learned.layers import SLOPE
 from photonormal.methods.learned.network import at_pixels
-from photonormal.methods.learned.processor import exactly
+from photonormal.methods.learned.processor import exactly, of_rows
 
 TOKENS = 16  # numbers per image and pixel, see `tokens`
 
@@ -62,9 +62,14 @@ def cosines(lights: Float[Tensor, "b k 3 *hw"], frame: Frame) -> tuple[tuple[Ten
 
 def shading(lights: Float[Tensor, "b n 3 *hw"], frame: Frame) -> Float[Tensor, "b h w"]:
     """Root mean square of max(n.l, 0) of the prior, at least 0.05."""
-    total = torch.zeros_like(frame.z)
-    for light in lights.split(32, dim=1):
-        total += cosines(light, frame)[1].clamp(min=0).square().sum(-1)
+    total, N = torch.zeros_like(frame.z), torch.stack([*frame.in_picture(frame.x, frame.y), frame.z], dim=-1)
+    with exactly(N.device):
+        for some in lights.float().split(32, dim=1):
+            if some.ndim == 3:
+                cos = (N.flatten(1, 2) @ some.mT).unflatten(1, N.shape[1:3])  # (b, h, w, k)
+            else:
+                cos = torch.einsum("bhwc,bkchw->bhwk", N, some)
+            total += cos.clamp_(min=0).square_().sum(-1)
     return (total / lights.shape[1]).sqrt().clamp(min=0.05)
 
 
@@ -108,11 +113,11 @@ class Encoder(nn.Sequential):
     def read(
         self, seen: Float[Tensor, "t b h w k"], recalled: Float[Tensor, "b h w hidden"] | None
     ) -> Float[Tensor, "bhw k features"]:
-        first, *others = self
+        first, act, second, _, third, _ = self
+        assert isinstance(second, nn.Linear) and isinstance(third, nn.Linear)
         with exactly(seen.device):
             x = first(seen.flatten(1).T)  # in two axes: views would make every in-place layer copy
             if recalled is not None:
                 x = (x.unflatten(0, (-1, seen.shape[-1])) + recalled.flatten(0, 2)[:, None]).flatten(0, 1)
-        for layer in others:
-            x = layer(x)
+        x = act(of_rows(third, act(of_rows(second, act(x)))))
         return x.unflatten(0, (-1, seen.shape[-1]))

@@ -28,6 +28,7 @@ class Weighted:
     passes = 1
     prior = ""
     fast = False
+    exact = False
 
     def network(self) -> Network:
         """The network with its weights."""

@@ -76,6 +76,7 @@ class NormalNet(PixelNetwork):
 
     Config: ClassVar[type] = NormalNetConfig
     scaling = "grey"
+    exact = True
 
     def __init__(self, config: NormalNetConfig = NormalNetConfig()) -> None:
         super().__init__()
@@ -218,3 +219,4 @@ class NormalNetMethod(Learned):
     passes: Effort = 2
     fast: bool = False
     name = "normalnet"
+    exact = NormalNet.exact

@@ -20,7 +20,7 @@ from photonormal.methods.engine.windows import Span
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.scaling import scaled
 from photonormal.methods.learned.network import PixelNetwork
-from photonormal.methods.learned.processor import inner_precision
+from photonormal.methods.learned.processor import PICTURES, inner_precision
 from photonormal.types import Capture
 
 AT_A_TIME = {"cpu": 2**13, "cuda": 2**21}  # samples that are encoded
@@ -70,8 +70,8 @@ class Samples:
 
 
 def _together(n: int, device: torch.device) -> int:
-    """Pixels of n samples that are encoded together."""
-    return max(1, AT_A_TIME.get(device.type, AT_A_TIME["cuda"]) // n)
+    """Pixels of n samples that are encoded together: so many that `of_rows` is fast."""
+    return max(PICTURES, AT_A_TIME.get(device.type, AT_A_TIME["cuda"]) // n // PICTURES * PICTURES)
 
 
 def digested(

@@ -4,8 +4,8 @@ A picture that moved is a combination of the others only after it is shifted bac
 at every shift, so that the combination is not spoilt by where the picture lies.
 
 One picture alone says little: what repeats, as threads of a weave do, fits elsewhere, too, and so do highlights. So it
-is judged by how well the pictures of this object fit as a rule. A highlight or the rim of a shadow moves by itself, a
-picture as a whole: all of its parts have to fit better.
+is judged by how well the pictures of this object fit as a rule, unless the shift explains most of what was unexplained.
+A highlight or the rim of a shadow moves by itself, a picture as a whole: all of its parts have to fit better.
 
 Where a camera moves once and stays, many pictures are shifted alike, and the others are no measure of them. So pictures
 are laid on one of them, the one that fits best first; those that come to lie together elsewhere moved if the others
@@ -25,6 +25,10 @@ UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, b
 GROUP, GROUPS = 3, 3  # pictures shifted alike at least, such groups at most
 USUAL = 1 / 3  # of what it fits worse by than pictures do as a rule, that is left after the shift
 OUTLYING = 2.0  # robust standard deviations by which it fits worse than the pictures do as a rule, in log odds
+PLAIN = (
+    0.4,
+    1.0,
+)  # of its detail that was unexplained, that is left after the shift, and those deviations, which suffice
 
 
 def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
@@ -78,9 +82,11 @@ def _one_by_one(shown: Pictures) -> Float[np.ndarray, "n 2"]:
     suspect, odds = _suspect(left), log_odds(left)
     worse = odds - np.median(odds[:, r, r])  # than pictures fit as a rule
     spread = 1.4826 * np.median(np.abs(worse[:, r, r]))
-    for j in np.flatnonzero(suspect & (worse[:, r, r] > OUTLYING * spread)).tolist():
+    for j in np.flatnonzero(suspect).tolist():
         y, x = (int(v) for v in np.unravel_index(int(left[j].argmin()), left[j].shape))
-        if worse[j, y, x] > USUAL * worse[j, r, r] or not shown.agreed(among, j, y, x):
+        unusual = worse[j, r, r] > OUTLYING * spread and worse[j, y, x] <= USUAL * worse[j, r, r]
+        plain = worse[j, r, r] > PLAIN[1] * spread and left[j, y, x] < PLAIN[0] * left[j, r, r]
+        if not (unusual or plain) or not shown.agreed(among, j, y, x):
             continue
         found[j] = x - r + _dip(left[j][y, x - 1 : x + 2]), y - r + _dip(left[j][y - 1 : y + 2, x])
     return found

@@ -81,7 +81,7 @@ def measure(
     from photonormal.methods.contract import Streaming
     from photonormal.methods.engine import check as check_needs
     from photonormal.methods.engine import on_mask, run_as_it_is, with_lights
-    from photonormal.methods.engine.cutoff import Repaired, given_back
+    from photonormal.methods.engine.cutoff import given_back
     from photonormal.methods.engine.device import torch_device
     from photonormal.methods.engine.near import seen_as_distant
     from photonormal.methods.engine.parts import joined
@@ -113,8 +113,7 @@ def measure(
             findings = check(capture)
         warnings += [finding.message for finding in findings]
     whole = given_back(capture) if solver.needs.lights else capture
-    if isinstance(whole.images, Repaired):
-        warnings.append(whole.images.told)
+    warnings += whole.notes[len(capture.notes) :]
     with _stage("solve", seconds):
         with computing_in(precision):
             found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)

@@ -1,68 +1,13 @@
-"""Dark pictures of 8 bits: whether they were cut off is told by lights of different intensities, and undone."""
+"""Dark pictures: whether they were cut off is told by lights of different intensities, and undone."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 import photonormal as pn
-from photonormal.geometry import fibonacci_hemisphere
-from photonormal.methods import configure
-from photonormal.methods.engine import on_mask, run
 from photonormal.methods.engine.cutoff import Repaired, given_back
-from tests.scenes import sphere
-
-N_LIGHTS, BRIGHTEST = 60, 20
-
-
-class Files:
-    """Pictures as files of 8 bits store them, over the intensities of their lights."""
-
-    dtype = np.dtype(np.uint8)
-
-    def __init__(self, counts, intensities):
-        self.counts, self.intensities, self.shape = counts, intensities, counts.shape
-
-    def __getitem__(self, j):
-        full = np.float32(np.iinfo(self.dtype).max)
-        return (self.counts[j] / full / self.intensities[j]).astype(np.float32)
-
-
-def dark(stored, even=False, faulty=0, gloss=0.0):
-    """A sphere whose brightest sample has BRIGHTEST levels; `stored` makes whole numbers of what the sensor saw."""
-    g = np.random.default_rng(0)
-    truth = sphere()
-    N, L = truth.map, fibonacci_hemisphere(2 * N_LIGHTS)
-    L = L[np.argsort(-L[:, 2])[:N_LIGHTS]]
-    e = np.ones(N_LIGHTS) if even else g.uniform(0.4, 1, N_LIGHTS)
-    cos = np.clip(N @ L.T, 0, None).transpose(2, 0, 1)  # (n, h, w)
-    half = L + np.array([0, 0, 1])
-    half /= np.linalg.norm(half, axis=1, keepdims=True)
-    I = cos + gloss * np.clip(N @ half.T, 0, None).transpose(2, 0, 1) ** 30 * (cos > 0)
-    I[:faulty] *= 0.6
-    counts = stored(e[:, None, None] * I / (I * e[:, None, None]).max() * BRIGHTEST).astype(np.uint8)
-    images = Files(np.repeat(counts[..., None], 3, -1), np.repeat(e[:, None], 3, 1))
-    return pn.Capture(images, truth.mask, L, truth=truth, saturation=(1 / images.intensities).astype(np.float32))
-
-
-def in_16_bits(capture, step, first):
-    """The same photographs in files of 16 bits, a level stored as `step` steps from the `first`."""
-    images = Files(
-        capture.images.counts.astype(np.uint16) * np.uint16(step) + np.uint16(first), capture.images.intensities
-    )
-    images.dtype = np.dtype(np.uint16)
-    return replace(capture, images=images)
-
-
-def in_memory(capture):
-    """Its pictures, of which nothing tells how they were stored."""
-    return np.stack([capture.images[j] for j in range(N_LIGHTS)])
-
-
-def error_deg(capture):
-    method = configure("l1")
-    return pn.score(on_mask(run(method, capture, torch.device("cpu")), capture), capture.truth).mean_deg
+from tests.dark import Files, dark, error_deg, in_16_bits, in_memory
 
 
 @pytest.mark.parametrize("changes", [{}, {"gloss": 0.5}, {"faulty": 10}], ids=str)
@@ -73,7 +18,7 @@ def test_what_was_cut_off_is_given_back_and_what_was_rounded_stays(changes):
     before, after = cut.images[3], raised.images[3]
     level = 1 / 255 / cut.images.intensities[3, 0]
     assert np.allclose(after[before > 0], before[before > 0] + level / 2)
-    assert not after[before == 0].any()
+    assert (after[before == 0] < level).all() and not after[~cut.mask].any()
 
 
 def test_normals_are_better_for_it():
@@ -104,7 +49,8 @@ def test_black_stored_as_half_a_level_is_black(even):
     for j in range(3):
         before, after = middle.images[j], repaired.images[j]
         black = cut.images[j] == 0
-        assert black.any() and not after[black].any() and np.array_equal(after[~black], before[~black])
+        assert black.any() and (after[black] < before[black].min() * 2).all()
+        assert np.array_equal(after[~black], before[~black]) and not after[~cut.mask].any()
     assert error_deg(middle) < 0.8 * error_deg(replace(middle, images=in_memory(middle)))
 
 
@@ -119,7 +65,15 @@ def test_files_of_16_bits_that_hold_8_are_like_those_of_8():
 
 def test_it_is_given_back_once():
     raised = given_back(dark(np.floor))
-    assert isinstance(raised.images, Repaired) and given_back(raised) is raised
+    assert given_back(raised) is raised
+
+
+def test_pictures_of_enough_levels_keep_their_zeros():
+    raised = given_back(dark(np.floor, brightest=120))
+    assert isinstance(raised.images, Repaired)
+    for j in range(3):
+        before, after = raised.images.images[j], raised.images[j]
+        assert (before == 0).any() and not after[before == 0].any()
 
 
 def test_a_measurement_says_so():

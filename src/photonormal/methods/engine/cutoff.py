@@ -14,11 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.methods.engine.zeros import Filled
 from photonormal.shading import LUMA
 from photonormal.types import Capture, Image, Images, window_of
 
 MIDDLE = 0.75  # levels: above black, which is stored as 0.5, and below the next level
 WHOLE = 0.1  # by which samples are off whole numbers, at most, where a file holds them
+COARSE = 10.0  # median sample that is not black, in levels, below which zeros are looked at
 FEWEST, SPREAD = 20, 0.1  # lights, and relative deviation of their intensities, that can tell
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
 MIDDLING = 0.35, 0.85  # quantiles of a pixel's shading between which its samples are taken: no shadow, no highlight
@@ -28,21 +30,37 @@ TRIES, OUTLIERS, FAR = 1000, 0.4, 4.0  # of a few lights each; share of images t
 
 
 def given_back(capture: Capture) -> Capture:
-    """The capture with half a level added to its samples, where they were cut off; without it in those that are black,
-    where these have it; else itself."""
+    """The capture without what whole grey levels took; itself where files hold levels enough, or can't tell.
+
+    Its notes say what was done: half a level was added to samples that were cut off; black that was stored as half a
+    level is black; and in dark pictures, zeros are what `engine.zeros` expects.
+    """
     levels = Levels.of(capture)
     if levels is None or capture.lights is None:
         return capture
+    greys, half = _greys(capture), np.zeros_like(levels.size)
     if levels.darkest:
-        return replace(capture, images=Repaired(capture.images, levels.size * MIDDLE, np.zeros_like(levels.size)))
-    if not levels.uneven():
+        black, notes = MIDDLE, ["The darkest level is stored as the middle of its step; it is taken for black."]
+    elif levels.uneven() and _cut_off(*missing(greys, levels.grey, capture.known_lights())):
+        half = levels.size / 2
+        black, notes = 0.0, ["Samples were cut off to whole levels; half a level was added to each that is not zero."]
+    else:
         return capture
-    b, deviation = missing(_greys(capture), levels.grey, capture.known_lights())
-    if not (LOST < b < MOST and deviation < SURE):
-        return capture
-    half = levels.size / 2
     assert capture.saturation is not None
-    return replace(capture, images=Repaired(capture.images, 0 * half, half), saturation=capture.saturation + half)
+    images, saturation = Repaired(capture.images, black * levels.size, half), capture.saturation + half
+    repaired = replace(capture, images=images, saturation=saturation)
+    lit = (greys / levels.grey)[greys > black * levels.grey]
+    if len(lit) and np.median(lit) < COARSE and capture.lamps is None:
+        repaired = replace(repaired, images=Filled(repaired, levels.size))
+        notes.append(
+            f"The pictures have few grey levels: half of what is not black has at most {np.median(lit):.1f}. "
+            "Zeros were set to what their pixels' other samples say."
+        )
+    return replace(repaired, notes=(*capture.notes, *notes))
+
+
+def _cut_off(b: float, deviation: float) -> bool:
+    return LOST < b < MOST and deviation < SURE
 
 
 @dataclass(frozen=True)
@@ -158,13 +176,6 @@ class Repaired:
 
     def __init__(self, images: Images, black: Float[np.ndarray, "n c"], more: Float[np.ndarray, "n c"]):
         self.images, self.black, self.more, self.shape = images, black, more, images.shape
-
-    @property
-    def told(self) -> str:
-        """What was done to them, a sentence."""
-        if self.more.any():
-            return "Samples were cut off to whole levels; half a level was added to each that is not zero."
-        return "The pictures' darkest level is stored as the middle of its step; it is taken for black."
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of one picture."""

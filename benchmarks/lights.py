@@ -5,7 +5,7 @@
     python benchmarks/lights.py ROOT --method sdps       # SDPS-Net, which finds the lights itself
     python benchmarks/lights.py ROOT --wrong 5           # --refine-lights, from given ones that are 5 degrees off
     python benchmarks/lights.py ROOT --wrong 2 --halfway # the same from halfway vectors that are off besides
-    python benchmarks/lights.py --rendered 24            # lights unknown, on rendered objects of held-out materials
+    python benchmarks/lights.py --rendered 32 --seed 7   # lights unknown, on rendered objects of held-out materials
 
 Angles are means in degrees; intensities' errors are scale-invariant, in per cent (`photonormal.scoring.lights`).
 """
@@ -87,14 +87,14 @@ def real(root: Path, objects: list[str], images: int, wrong: float, halfway: boo
             print(f"| {name} | {row} |", flush=True)
 
 
-def rendered(count: int, wide: bool) -> None:
+def rendered(count: int, wide: bool, seed: int) -> None:
     """Errors on rendered objects of held-out materials, with lights' intensities between a half and twice."""
     from photonormal.synth import Stream
 
     whole = {"size": 128, "crop": 128, "crops": 1, "scenes": 4, "zoom": 0.0, "lights": (32, 32)}
-    stream = iter(Stream("validation", 4, seed=2**30, **whole, narrow=0.0 if wide else 1.0))
+    stream = iter(Stream("validation", 4, seed=2**30 + seed, **whole, narrow=0.0 if wide else 1.0))
     angles, wrong, refused = [], [], 0
-    g = np.random.default_rng(0)
+    g = np.random.default_rng(seed)
     while len(angles) + refused < count:
         batch = next(stream)
         for images, L, mask in zip(batch.images, batch.lights, batch.mask, strict=True):
@@ -126,10 +126,11 @@ def main() -> None:
     parser.add_argument("--halfway", action="store_true")
     parser.add_argument("--method", default="normalnet")
     parser.add_argument("--rendered", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     if given.rendered:
         for wide in (False, True):
-            rendered(given.rendered, wide)
+            rendered(given.rendered, wide, given.seed)
     elif given.root is None:
         parser.error("ROOT is needed, a folder that holds <object>PNG folders, or --rendered")
     else:

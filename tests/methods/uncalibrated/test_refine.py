@@ -96,7 +96,7 @@ def test_lights_and_normals_go_back_into_the_frame_of_believed_lights():
     N = torch.from_numpy(truth.map[truth.mask]) @ torch.from_numpy(np.linalg.inv(A).T).float()
     N, s = torch.nn.functional.normalize(N, dim=1), torch.from_numpy(L @ A).float()
     told = [curl(N, torch.from_numpy(truth.mask)), None]
-    found = settled(s, Believed(torch.from_numpy(L).float(), 30.0), told)
+    found = settled(s, Believed(torch.from_numpy(L).float(), 30.0, torch.ones(30)), told)
     assert angle_deg(s.numpy(), L).mean() > 1.8
     assert angle_deg(found.numpy(), L).mean() < 0.5
 

@@ -27,6 +27,7 @@ STRAY = 0.7  # medians of what is left, from which on a pixel loses weight
 CURL_FLOOR = 0.015  # least standard error of what the curl says
 CURL_SECOND = 2.0  # and times the square of what it says, which is right to first order only
 FACING = 0.1  # standard deviation of x and y of the mean normal of an object that is seen whole
+LENGTHS_INDEPENDENT = 2.0  # of the errors of lengths against intensities, most of which shine and interreflections make
 ROUNDS = 12  # of reweighting
 KEPT = 1e8  # precision with which the map's trace stays: nothing tells the scale of all lights
 TRACE = torch.eye(3, dtype=torch.float64).flatten()
@@ -40,10 +41,12 @@ class Believed:
     ----------
     lights : (n, 3) unit
     independent : how many of their errors are independent of each other; of given lights all n
+    intensities : (n,), up to a factor
     """
 
     lights: Float[Tensor, "n 3"]
     independent: float
+    intensities: Float[Tensor, " n"]
 
 
 @dataclass(frozen=True)
@@ -62,24 +65,40 @@ def settled(
 
     `share` of the map is applied.
     """
-    unit, L = normalised(s.double()), believed.lights.double()
-    across = torch.eye(3, dtype=torch.float64) - L[:, :, None] * L[:, None, :]  # (n, 3, 3): at right angles to each
-    J = torch.einsum("jab,jc->jacb", across, unit).reshape(-1, 9)
-    r = (across @ (L - unit)[..., None]).reshape(-1)
     H = KEPT * TRACE[:, None] * TRACE + torch.eye(9, dtype=torch.float64)
     y = torch.zeros(9, dtype=torch.float64)
     for told in others:
         if told is not None:
             H, y = H + told.rows.T @ told.precision @ told.rows, y + told.rows.T @ told.precision @ told.told
-    w = torch.ones(len(L), dtype=torch.float64)
+    of_lights = [directions(s, believed.lights), lengths(s, believed.intensities)]
+    independent = believed.independent, LENGTHS_INDEPENDENT
     E = torch.zeros(9, dtype=torch.float64)
     for _ in range(ROUNDS):
-        off = (r - J @ E).unflatten(0, (-1, 3)).square().sum(1)
-        variance = ((w * off).sum() / (2 * w.sum() - 8).clamp(min=2)).clamp(min=1e-5)
-        weight = w.repeat_interleave(3) / variance * (believed.independent / len(L))
-        E = torch.linalg.solve(H + (J * weight[:, None]).T @ J, y + (J * weight[:, None]).T @ r)
-        w = 1 / (1 + off / (9 * off.median().clamp(min=1e-6)))
+        A, b = H, y
+        for (J, r, free), m in zip(of_lights, independent, strict=True):
+            off = (r - J @ E).square().sum(1)  # (n,)
+            w = 1 / (1 + off / (9 * off.median().clamp(min=1e-6)))
+            variance = ((w * off).sum() / (free * w.sum() - 8).clamp(min=2)).clamp(min=1e-5)
+            weight = w / variance * (m / len(s))
+            A = A + torch.einsum("nki,n,nkj->ij", J, weight, J)
+            b = b + torch.einsum("nki,n,nk->i", J, weight, r)
+        E = torch.linalg.solve(A, b)
     return (s.double() @ (torch.eye(3, dtype=torch.float64) + share * E.reshape(3, 3))).to(s.dtype)
+
+
+def directions(s: Float[Tensor, "n 3"], L: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor, int]:
+    """What E changes of the lights' directions (n, 3, 9), by how much they are off (n, 3), of how many numbers each."""
+    unit, L = normalised(s.double()), L.double()
+    across = torch.eye(3, dtype=torch.float64) - L[:, :, None] * L[:, None, :]  # (n, 3, 3): at right angles to each
+    return torch.einsum("nab,nc->nacb", across, unit).flatten(2), (across @ (L - unit)[..., None])[..., 0], 2
+
+
+def lengths(s: Float[Tensor, "n 3"], e: Float[Tensor, " n"]) -> tuple[Tensor, Tensor, int]:
+    """The same of the logarithms of their lengths (n, 1, 9), (n, 1), which are intensities up to a factor."""
+    unit = normalised(s.double())
+    J = (unit[:, :, None] * unit[:, None, :]).flatten(1)
+    r = (e.double() / s.double().norm(dim=1)).log()
+    return (J - J.mean(0))[:, None], (r - r.mean())[:, None], 1
 
 
 def of_curl() -> Float[Tensor, "5 9"]:

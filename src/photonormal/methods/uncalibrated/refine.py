@@ -43,11 +43,11 @@ def refined(capture: Capture) -> FoundLights:
     check(capture)
     with progress("lights"):
         shown = Shown.of(capture)
-        s, N, moved_deg = rounds(shown, L, Believed(L, float(len(L))))
+        s, N, moved_deg = rounds(shown, L, given(L))
         halfway = False
         if unevenness(s) > UNEVEN:
             twice = reflected(L)
-            other = rounds(shown, twice, Believed(twice, float(len(L))))
+            other = rounds(shown, twice, given(twice))
             if halfway := unevenness(other[0]) < EVENER * unevenness(s):
                 s, N, moved_deg = other
         before, after = misfit(shown, normals_under(shown, L), L), misfit(shown, N, s)
@@ -60,6 +60,11 @@ def refined(capture: Capture) -> FoundLights:
         moved_deg=angle_deg(found, capture.known_lights()),
         notes=(HALFWAY,) * halfway + shape_of_lights(N, shown.inside),
     )
+
+
+def given(L: Float[Tensor, "n 3"]) -> Believed:
+    """Lights whose errors are each their own, and by whose intensities the pictures were divided."""
+    return Believed(L, float(len(L)), torch.ones(len(L)))
 
 
 def reflected(N: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:

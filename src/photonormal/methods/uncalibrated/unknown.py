@@ -9,7 +9,7 @@ from photonormal.methods.learned.weights import LIGHTS, load, shipped
 from photonormal.methods.uncalibrated.frame import Believed
 from photonormal.methods.uncalibrated.guess import guess
 from photonormal.methods.uncalibrated.limits import check, refuse_narrow, spread_deg
-from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, rounds
+from photonormal.methods.uncalibrated.rounds import rounds
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.methods.uncalibrated.untold import shape_of_lights, side_of_lights
 from photonormal.progress import progress
@@ -20,6 +20,8 @@ INDEPENDENT = 3.0  # of the network's errors, most of which all lights of an obj
 SHADED = 0.02  # second singular value of the samples over the first, below which nothing but brightness differs
 NARROW_DEG = 7.0  # of lights, in the direction in which they differ least, below which normals are uncertain
 TINTED = 0.2  # of a channel over grey, from which on lights differ in colour
+STILL_DEG = 0.25  # mean change of the lights in the last round, from which on shading does not bear them out
+FAR_OFF = 1.5  # and times the breadth of the network's answer, from which on neither
 BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful
 
 
@@ -37,10 +39,13 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
         shown = Shown.of(capture)
         refuse_unshaded(shown, capture.name)
         first = guess(load(shipped(LIGHTS), "lightsnet"), capture, device)
-        start, believed = first.lights * first.intensities[:, None], Believed(first.lights, INDEPENDENT)
+        start, believed = (
+            first.lights * first.intensities[:, None],
+            Believed(first.lights, INDEPENDENT, first.intensities),
+        )
         s, N, moved_deg = rounds(shown, start, believed, unknown=True)
     apart_deg = float(angle_deg(normalised(s), first.lights).mean())
-    settled = moved_deg < SETTLED_DEG and apart_deg < float(first.told_deg.mean())
+    settled = moved_deg < STILL_DEG and apart_deg < FAR_OFF * float(first.told_deg.mean())
     if not settled:
         s = start
     lights, intensities = normalised(s.double()), s.double().norm(dim=1)

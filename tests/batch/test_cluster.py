@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+import threading
 from pathlib import Path
+from socketserver import BaseRequestHandler, ThreadingTCPServer
 
 import numpy as np
 import pytest
@@ -44,6 +46,19 @@ def test_a_scheduler_that_does_not_answer_is_one_line(season, tmp_path, batch, m
     assert (code, out, err.count("\n")) == (2, "", 1) and "tcp://127.0.0.1:1 does not answer within 0.5 s" in err
     assert "came but an address such as" in batch("--scheduler", "here")[2]
     assert not (tmp_path / "results").exists()
+
+
+def test_an_address_of_something_else_is_one_line(season, batch):
+    class Page(BaseRequestHandler):
+        def handle(self) -> None:
+            self.request.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+            self.request.recv(2**16)  # until the other has seen it
+
+    with ThreadingTCPServer(("127.0.0.1", 0), Page) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        code, out, err = batch("--scheduler", f"tcp://127.0.0.1:{server.server_address[1]}")
+        server.shutdown()
+    assert (code, out, err.count("\n")) == (2, "", 1) and "no Dask scheduler; check its address and port" in err
 
 
 @pytest.mark.parametrize("broken", [False, True])

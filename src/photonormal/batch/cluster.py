@@ -96,9 +96,14 @@ def _connected(scheduler: str, client: Callable[..., Any]) -> Any:
     try:
         return client(scheduler, timeout=ANSWER_S)
     except (OSError, ValueError) as error:
-        reason = "" if isinstance(error, TimeoutError) else f" ({str(error).splitlines()[0][:200]})"
+        late = isinstance(error, TimeoutError) or "Timed out" in str(error)
+        reason = "" if late else f" ({str(error).splitlines()[0][:200]})"
         raise InputError(
             f"--scheduler {scheduler} does not answer within {ANSWER_S} s{reason}; check that it runs, and its address."
+        ) from None
+    except Exception:  # such as the length of a message that was none
+        raise InputError(
+            f"--scheduler {scheduler} is answered by something that is no Dask scheduler; check its address and port."
         ) from None
 
 

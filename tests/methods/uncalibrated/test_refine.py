@@ -10,7 +10,7 @@ import torch
 import photonormal as pn
 from photonormal import InputError
 from photonormal.cli import main
-from photonormal.geometry import angle_deg, normalised
+from photonormal.geometry import angle_deg, normalised, rotation_about_view
 from photonormal.methods.uncalibrated.frame import Believed, curl, settled
 from photonormal.methods.uncalibrated.limits import spread_deg
 from photonormal.methods.uncalibrated.reduced import AROUND, reduced
@@ -58,6 +58,12 @@ def test_halfway_vectors_are_told_and_doubled(true):
     found = refined(replace(true, lights=shaken(halfway, 2)))
     assert score_lights(found.lights, true.lights).mean_deg < 1.5 and "halfway" in found.notes[0]
     assert not refined(replace(true, lights=shaken(true.lights, 8))).notes
+
+
+def test_lights_that_are_all_turned_about_the_view_axis_are_turned_back(true):
+    turned = true.lights @ rotation_about_view(15).T
+    found = refined(replace(true, lights=shaken(turned, 3)))
+    assert score_lights(found.lights, true.lights).mean_deg < 2
 
 
 def test_right_lights_stay_right(true):

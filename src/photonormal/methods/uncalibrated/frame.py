@@ -31,6 +31,9 @@ LENGTHS_INDEPENDENT = 2.0  # of the errors of lengths against intensities, most 
 ROUNDS = 12  # of reweighting
 KEPT = 1e8  # precision with which the map's trace stays: nothing tells the scale of all lights
 TRACE = torch.eye(3, dtype=torch.float64).flatten()
+TURN = torch.tensor(
+    [0, 1, 0, -1, 0, 0, 0, 0, 0], dtype=torch.float64
+)  # E of all lights, by a radian about the view axis
 
 
 @dataclass(frozen=True)
@@ -42,11 +45,13 @@ class Believed:
     lights : (n, 3) unit
     independent : how many of their errors are independent of each other; of given lights all n
     intensities : (n,), up to a factor
+    turned : by how much they may all be turned about the view axis, radians, standard deviation
     """
 
     lights: Float[Tensor, "n 3"]
     independent: float
     intensities: Float[Tensor, " n"]
+    turned: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -72,17 +77,21 @@ def settled(
             H, y = H + told.rows.T @ told.precision @ told.rows, y + told.rows.T @ told.precision @ told.told
     of_lights = [directions(s, believed.lights), lengths(s, believed.intensities)]
     independent = believed.independent, LENGTHS_INDEPENDENT
-    E = torch.zeros(9, dtype=torch.float64)
+    E, all_turned = torch.zeros(9, dtype=torch.float64), 0.0
     for _ in range(ROUNDS):
-        A, b = H, y
+        P, b = torch.zeros_like(H), torch.zeros_like(y)
         for (J, r, free), m in zip(of_lights, independent, strict=True):
-            off = (r - J @ E).square().sum(1)  # (n,)
+            off = (r - J @ (E - all_turned * TURN)).square().sum(1)  # (n,)
             w = 1 / (1 + off / (9 * off.median().clamp(min=1e-6)))
             variance = ((w * off).sum() / (free * w.sum() - 8).clamp(min=2)).clamp(min=1e-5)
             weight = w / variance * (m / len(s))
-            A = A + torch.einsum("nki,n,nkj->ij", J, weight, J)
+            P = P + torch.einsum("nki,n,nkj->ij", J, weight, J)
             b = b + torch.einsum("nki,n,nk->i", J, weight, r)
-        E = torch.linalg.solve(A, b)
+        free_turn = believed.turned**2 / (1 + believed.turned**2 * TURN @ P @ TURN)
+        E = torch.linalg.solve(
+            H + P - free_turn * torch.outer(P @ TURN, P @ TURN), y + b - free_turn * (TURN @ b) * (P @ TURN)
+        )
+        all_turned = free_turn * float(TURN @ (P @ E - b))
     return (s.double() @ (torch.eye(3, dtype=torch.float64) + share * E.reshape(3, 3))).to(s.dtype)
 
 

@@ -17,6 +17,7 @@ from photonormal.methods.uncalibrated.untold import shape_of_lights
 from photonormal.progress import progress
 from photonormal.types import Capture
 
+TURNED = 0.2  # standard deviation of a turn of all given lights about the view axis, radians
 MOVED_DEG = 1.5  # mean, from which on given lights are doubted
 UNEVEN = 0.05  # unevenness of lights that were divided by their intensities, from which on they may be halfway vectors
 EVENER = 0.7  # and are, where twice the angles leave less than this of it
@@ -64,7 +65,7 @@ def refined(capture: Capture) -> FoundLights:
 
 def given(L: Float[Tensor, "n 3"]) -> Believed:
     """Lights whose errors are each their own, and by whose intensities the pictures were divided."""
-    return Believed(L, float(len(L)), torch.ones(len(L)))
+    return Believed(L, float(len(L)), torch.ones(len(L)), TURNED)
 
 
 def reflected(N: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:

@@ -115,7 +115,15 @@ class TestRefusals:
         assert {*tmp_path.rglob("*")} == before | drawn
 
     def test_no_sphere(self, rig, capsys):
-        self.refused(capsys, rig, rig / "object", "--out", rig / "l.lp", says="were found in object", picture=True)
+        self.refused(
+            capsys,
+            rig,
+            rig / "object",
+            "--out",
+            rig / "l.lp",
+            says="no mirror sphere was found in object",
+            picture=True,
+        )
 
     def test_another_number_of_pictures(self, rig, capsys):
         (rig / "chrome" / "09.png").unlink()

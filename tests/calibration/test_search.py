@@ -50,7 +50,7 @@ def test_two_spheres_are_told_apart():
 def test_noise_and_stripes_are_no_sphere():
     rng = np.random.default_rng(0)
     stripes = np.tile((np.arange(320) % 40 < 20) * 0.5, (240, 1))
-    with pytest.raises(InputError, match=r"0 of 1 mirror spheres were found .* give --circle x,y,r"):
+    with pytest.raises(InputError, match=r"no mirror sphere was found .* give --circle x,y,r"):
         found([(stripes + 0.02 * rng.random(SHAPE)).astype(np.float32) for _ in range(6)])
 
 
@@ -99,5 +99,5 @@ def test_the_ball_is_what_mirrors_and_its_outline_the_outermost_circle(scene):
 
 
 def test_a_coin_alone_is_no_sphere():
-    with pytest.raises(SphereError, match="mirror spheres were found in chrome"):
+    with pytest.raises(SphereError, match="no mirror sphere was found in chrome"):
         found([p[:, :200] for p in table(dome(10, 80), coin=True)])

@@ -164,7 +164,10 @@ def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
 
 def _refusal(looked: list[Found], found: int, count: int, where: str, shape: tuple[int, int]) -> SphereError:
     best = max(looked, key=lambda f: (f.circle.confidence >= CONFIDENCE, f.mirrored, f.circle.confidence), default=None)
-    advice = "give --circle x,y,r in pixels from the upper left, or --sphere with a folder that holds a mask of it, too"
+    advice = (
+        "where it shows one, give --circle x,y,r in pixels from the upper left; else photograph a mirror sphere under "
+        "the same lights, and name its folder with --sphere"
+    )
     tried = "no edges"
     if best is not None:
         c = best.circle
@@ -175,6 +178,10 @@ def _refusal(looked: list[Found], found: int, count: int, where: str, shape: tup
                 f"{100 * MIRRORS:.0f} % are needed"
             )
             if best.mirrored > 0 and c.cut(shape):
-                tried, advice = f"{tried}, and the border cuts it", f"photograph the sphere whole, or {advice}"
+                tried, advice = (
+                    f"{tried}, and the border cuts it",
+                    "photograph the sphere whole, or give --circle x,y,r",
+                )
     circles = () if best is None else (best.circle,)
-    return SphereError(f"{found} of {count} mirror spheres were found in {where} ({tried}); {advice}.", circles)
+    missing = "no mirror sphere was" if count == 1 else f"{found} of {count} mirror spheres were"
+    return SphereError(f"{missing} found in {where} ({tried}); {advice}.", circles)

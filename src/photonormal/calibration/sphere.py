@@ -70,6 +70,8 @@ class Sphere:
     def confidence(self) -> str:
         """In words."""
         c = self.circle.confidence
+        if c == 1.0:
+            return "as it was given: look at the picture"
         return "good" if c >= GOOD else "fair" if c >= FAIR else "poor: look at the picture"
 
     def of(self, shown: Bool[np.ndarray, " n"]) -> Sphere:

@@ -124,10 +124,14 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
     elif 3 * n == count:
         hint = "if each photograph shows three lights, one in red, one in green and one in blue, add --rgb-lights"
     else:
-        hint = (
-            f"they are {names[0]} to {names[-1]}{f', pages of {stacks[0]}' if stacks else ''}; choose those that "
-            "belong to it with --images, or give lights for all of them with --lights"
-        )
+        they = f"they are {names[0]} to {names[-1]}{f', pages of {stacks[0]}' if stacks else ''}"
+        if n > count:
+            hint = f"{they}; choose those that belong to the lights with --images, or give lights for all with --lights"
+        else:
+            hint = (
+                f"{they}; pictures are missing, or the lights are those of another capture: give with --lights a file "
+                "that has one for each picture, or names the pictures"
+            )
     return InputError(f"{name} has {n} pictures but {count} light directions{source}; {hint}.")
 
 

@@ -53,8 +53,11 @@ def long_directions(vectors: np.ndarray | None, lamps: Lamps | None) -> list[str
     """What the user should know of (n, 3) vectors that were taken for directions and look like a dome's positions."""
     if vectors is None or lamps is not None:
         return []
-    length = np.linalg.norm(vectors, axis=1)
-    if length.min() < LONG or length.max() > UNEQUAL * length.min():  # which are told as vectors of unequal length
+    with np.errstate(all="ignore"):
+        length = np.linalg.norm(vectors, axis=1)
+    if (
+        not LONG <= length.min() <= length.max() <= UNEQUAL * length.min()
+    ):  # what is unequal is told as the list is read
         return []
     return [
         f"the lights' vectors are {np.median(length):.3g} long and were taken for directions; if they are positions in "

@@ -68,10 +68,11 @@ class Filled:
             zero = (part <= 0) & self.capture.mask[a:b, first:last, None]
             if zero.any():
                 map = self.block(block)[a - start : b - start, first - self.columns.start : last - self.columns.start]
-                part[zero] = self.expected(map, j)[zero]
+                at = zero.any(-1)
+                part[at] = np.where(zero[at], self.expected(map[at], j), part[at])
         return image
 
-    def expected(self, map: Float[np.ndarray, "h w d"], j: int) -> Float[np.ndarray, "h w c"]:
+    def expected(self, map: Float[np.ndarray, "p d"], j: int) -> Float[np.ndarray, "p c"]:
         """What zeros of image `j` were, by what is known of their pixels."""
         known = map.astype(np.float32)
         share, b, hue = known[..., :1], known[..., 1:4], known[..., 4:]
@@ -112,17 +113,20 @@ def shading(
     hue = I.sum(1) / (I.sum(1) @ luma)[:, None].clamp(min=1e-9)  # (p, c)
     hue = torch.where(hue > 0, hue, 0.05)
     noise = NOISE * (level * luma).norm(dim=1) / grey  # (n,) in grey levels
-    X, weight = torch.where(zero, 0.4 * level, I), torch.ones_like(black, dtype=I.dtype)
+    at = pixel, image, channel = zero.nonzero(as_tuple=True)
+    step = level[image, channel]  # of each zero
+    X, weight = I.index_put(at, 0.4 * step), torch.ones_like(black, dtype=I.dtype)
     b = I.new_zeros(len(I), 3)
     for _ in range(ROUNDS):
         b = fitted(weight, X @ luma, lights)
         S = b @ lights.T  # (p, n)
-        expected, lit = expectation(hue[:, None] * S[..., None] / level)
-        X = torch.where(zero, expected * level, I)
+        expected, lit = expectation(hue[pixel, channel] * S[pixel, image] / step)
+        X.index_put_(at, expected * step)
         variance = noise**2 + 0.02 + (0.05 * S / grey).clamp(min=0) ** 2
         off = (X @ luma - S) / grey
         weight = 1 / (variance + (off / FAR) ** 2)
-        weight *= torch.where(black, torch.where(S > 0, lit.mean(2), 1e-3), 1)
+        certain = torch.zeros_like(S).index_put_((pixel, image), lit / len(luma), accumulate=True)
+        weight *= torch.where(black, torch.where(S > 0, certain, 1e-3), 1)
     low, high = ENOUGH
     share = (((~zero).float().mean((1, 2)) - low) / (high - low)).clamp(0, 1)
     return torch.cat([share[:, None], b / unit, hue], dim=1)

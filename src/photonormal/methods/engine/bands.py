@@ -13,7 +13,7 @@ from torch.nn import functional as F
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.pixels import Samples, digested
 from photonormal.methods.engine.task import Task
-from photonormal.methods.engine.turns import mean, turned
+from photonormal.methods.engine.turns import mean, turned, turned_picture
 from photonormal.methods.engine.windows import Span, Window
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.learned.network import PixelNetwork, Step, lateness
@@ -146,8 +146,8 @@ class Around:
         def tile(columns: slice) -> Float[Tensor, "1 d i j"]:
             wide = _around(columns, step.reach, self.width)
             seen = (self.kept[name].between((high, wide)) for name in step.reads)
-            told = step.of(*(torch.rot90(part.float(), self.quarters, (2, 3)) for part in seen))
-            told = torch.rot90(told, -self.quarters, (2, 3))
+            told = step.of(*(turned_picture(part.float(), self.quarters) for part in seen))
+            told = turned_picture(told, -self.quarters)
             return told[..., _over(_moved(rows, -high.start), s), _over(_moved(columns, -wide.start), s)].float()
 
         tiles = plan.tiles(self.width, (high.stop - high.start) // s**2, step.reach, self.stride)

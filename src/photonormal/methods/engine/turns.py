@@ -19,9 +19,14 @@ def turned(v: Tensor, quarters: int, axis: int) -> Tensor:
     return torch.stack([x, y, *rest], axis)
 
 
+def turned_picture(v: Float[Tensor, "*b d h w"], quarters: int) -> Float[Tensor, "*b d i j"]:
+    """A picture of numbers, turned; itself where it is not, since a copy would lie otherwise in memory."""
+    return torch.rot90(v, quarters, (-2, -1)) if quarters % 4 else v
+
+
 def turned_map(v: Float[Tensor, "*b d h w"], quarters: int) -> Float[Tensor, "*b d i j"]:
     """A map of vectors, turned as a picture is: where they are, and where they point."""
-    return turned(torch.rot90(v, quarters, (-2, -1)), quarters, -3) if quarters % 4 else v
+    return turned(turned_picture(v, quarters), quarters, -3)
 
 
 def mean(told: Iterable[Float[Tensor, "1 d h w"]]) -> Float[Tensor, "1 d h w"]:

@@ -23,7 +23,7 @@ from photonormal.methods.learned.layers import SLOPE, Block, conv
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
-from photonormal.methods.learned.processor import exactly
+from photonormal.methods.learned.processor import exactly, of_rows
 from photonormal.options import Effort
 from photonormal.types import InputError
 
@@ -147,7 +147,7 @@ class NormalNet(PixelNetwork):
         if pooled.weighted is not None and pooled.weights is not None:
             groups = pooled.weighted.unflatten(-1, (pooled.weights.shape[-1], -1))  # (b, h, w, g, f / g)
             means = groups / pooled.weights[..., None]
-            heeded = self.heed(means.flatten(-2).to(mean.dtype))
+            heeded = of_rows(self.heed, means.flatten(-2).to(mean.dtype))
         return self.fuse.together(x, heeded)
 
     def maps(self, digested: Float[Tensor, "b h w c"], shared: Shared) -> dict[str, Tensor]:
@@ -200,7 +200,8 @@ class Fuse(nn.Sequential):
 
     def together(self, x: Float[Tensor, "b h w c"], heeded: Tensor | float) -> Float[Tensor, "b h w d"]:
         linear, act = self
-        return act(linear(x) + heeded)
+        assert isinstance(linear, nn.Linear)
+        return act(of_rows(linear, x) + heeded)
 
 
 @dataclass(frozen=True)

@@ -54,16 +54,17 @@ def exactly(device: torch.device) -> AbstractContextManager:
     return torch.autocast(device.type, enabled=False)
 
 
-def of_rows(layer: nn.Linear, x: Float[Tensor, "q i"]) -> Float[Tensor, "q o"]:
+def of_rows(layer: nn.Linear, x: Float[Tensor, "*q i"]) -> Float[Tensor, "*q o"]:
     """What a layer makes of many rows.
 
     Torch takes float32 products from MKL, which is half as fast on AMD's processors as on Intel's. oneDNN is as fast on
     both, and takes them as convolutions of 1 x 1 on several pictures.
     """
-    if x.device.type != "cpu" or x.dtype != torch.float32 or torch.is_autocast_enabled("cpu") or len(x) % PICTURES:
+    some, rounded = x.shape[:-1], x.dtype != torch.float32 or torch.is_autocast_enabled("cpu")
+    if x.device.type != "cpu" or rounded or some.numel() % PICTURES:
         return layer(x)
-    pictures = x.view(PICTURES, 1, -1, x.shape[1]).permute(0, 3, 1, 2)
-    return F.conv2d(pictures, layer.weight[:, :, None, None], layer.bias).permute(0, 2, 3, 1).flatten(0, 2)
+    pictures = x.reshape(PICTURES, 1, -1, x.shape[-1]).permute(0, 3, 1, 2)
+    return F.conv2d(pictures, layer.weight[:, :, None, None], layer.bias).permute(0, 2, 3, 1).reshape(*some, -1)
 
 
 def knows_bf16(device_type: str) -> bool:

@@ -118,10 +118,13 @@ def faults(solver: Method, captures: Captures, device: torch.device) -> None:
         print_row(name, *[f"{e:.2f}" for e in [*errors, np.mean(errors)]])
 
 
-def with_levels(folder: Path, out: Path, levels: int, middle: bool) -> pn.Capture:
+STORED = {"cut off": 0, "rounded": 1, "middle of a step": 0}  # half levels that are added before the rest is dropped
+
+
+def with_levels(folder: Path, out: Path, levels: int, stored: str) -> pn.Capture:
     """A DiLiGenT object whose files have but `levels` grey levels up to the brightest sample of the object.
 
-    What is not a full level is cut off, in 8 bits; `middle`: each level is written as the middle of its step, in 16.
+    They are of 8 bits, or of 16 where each level is stored as the middle of its step.
     """
     out.mkdir(parents=True)
     names = (folder / "filenames.txt").read_text().split()
@@ -131,9 +134,10 @@ def with_levels(folder: Path, out: Path, levels: int, middle: bool) -> pn.Captur
         if file.name not in names:
             shutil.copy(file, out)
     for name in names:
-        counts = np.minimum(decode_all(folder / name).astype(np.int64) * levels // brightest, 255)
-        stored = (2 * counts + 1).astype(np.uint16) if middle else counts.astype(np.uint8)
-        (out / name).write_bytes(encode_png(stored))
+        halves = decode_all(folder / name).astype(np.int64) * 2 * levels // brightest + STORED[stored]
+        counts = np.minimum(halves // 2, 255)
+        middle = stored == "middle of a step"
+        (out / name).write_bytes(encode_png((2 * counts + 1).astype(np.uint16) if middle else counts.astype(np.uint8)))
     return pn.load(out)
 
 
@@ -142,11 +146,7 @@ def few_levels(solver: Method, root: dict[str, Path], device: torch.device) -> N
     print_row("grey levels", *root, "mean")
     print_row(*["---"] * (len(root) + 2))
     rows = {"all": lambda folder, out: pn.load(folder)}
-    rows |= {
-        f"{n}, {'middle of a step' if middle else 'cut off'}": partial(with_levels, levels=n, middle=middle)
-        for n in (48, 32)
-        for middle in (False, True)
-    }
+    rows |= {f"{n}, {stored}": partial(with_levels, levels=n, stored=stored) for n in (48, 32) for stored in STORED}
     for name, spoilt in rows.items():
         errors = []
         for folder in root.values():

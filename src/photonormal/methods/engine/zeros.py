@@ -34,6 +34,8 @@ FAR = 3.0  # deviations from which on a sample, such as a highlight, counts litt
 class Filled:
     """Pictures whose zeros on the mask are what their pixels' shading says (`photonormal.types.Images`).
 
+    Rows are fitted when they are first asked for; what is kept of them are 14 bytes a pixel.
+
     Parameters
     ----------
     capture : the pictures with zeros

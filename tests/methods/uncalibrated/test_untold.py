@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from photonormal.methods.uncalibrated.untold import FLAT, HOLLOW, REGULAR, shape_of_lights, side_of_lights
+from photonormal.methods.uncalibrated.untold import BULGE, FLAT, HOLLOW, REGULAR, shape_of_lights, side_of_lights
 
 SIZE = 64
 X, Y = np.meshgrid(np.linspace(-1, 1, SIZE), np.linspace(1, -1, SIZE))
@@ -42,7 +42,7 @@ def test_a_regular_surface_leaves_lights_open(name, left_open):
 
 
 def test_only_an_outline_where_the_surface_turns_away_tells_a_bulge_from_a_hollow():
-    assert side_of_lights(*surface("sphere")) == ()
+    assert side_of_lights(*surface("sphere")) == (BULGE,)
     assert side_of_lights(*surface("waves")) == (HOLLOW,)
     N, inside = surface("sphere")
     assert side_of_lights(N * torch.tensor([-1.0, -1.0, 1.0]), inside) == (HOLLOW,)

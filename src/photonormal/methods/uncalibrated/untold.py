@@ -26,6 +26,8 @@ HOLLOW = (
     "hollow that is lit from the opposite side; compare the result with the object."
 )
 
+BULGE = "The object is taken for one that bulges; a hollow, such as a bowl, comes out inside out."
+
 
 def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
     """What can't be told of lights where the normals that were found are those of such a surface."""
@@ -39,10 +41,10 @@ def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tup
 
 
 def side_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
-    """Whether a bulge can't be told from a hollow: no matt shading, highlight or shadow of a surface on itself does,
-    only an outline where it turns away from the camera, which is that of a bulge."""
+    """What is known of bulge or hollow: no matt shading, highlight or shadow of a surface on itself tells them, only an
+    outline where it turns away from the camera, which is that of a bulge, or of a bowl that is seen up to its rim."""
     outline = Outline.of(on_map(N, inside).numpy(), inside.numpy())
     if outline is None:
         return (HOLLOW,)
     leaning = (outline.n[:, :2] * outline.away).sum(-1)
-    return () if float(np.median(leaning)) > OUTWARDS else (HOLLOW,)
+    return (BULGE,) if float(np.median(leaning)) > OUTWARDS else (HOLLOW,)

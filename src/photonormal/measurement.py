@@ -135,17 +135,18 @@ def measure(
         with _stage("integrate", seconds), progress(f"depth by {integration}"):
             surface = integrate(normals, integration, K=_camera_matrix(capture, K))
         hand_back()  # grids of all sizes were made and freed
-    if albedo and lit.lights is not None:
-        from photonormal.methods.albedo import lambertian_albedo
-
-        with _stage("albedo", seconds), progress("albedo"):
-            rho = lambertian_albedo(lit, normals)
     made_of = None
     if materials:
         from photonormal.materials import materials_of
 
         with _stage("materials", seconds):
             made_of = materials_of(lit, normals)
+        hand_back()
+    if albedo and lit.lights is not None:
+        from photonormal.methods.albedo import lambertian_albedo
+
+        with _stage("albedo", seconds), progress("albedo"):
+            rho = lambertian_albedo(lit, normals)
         hand_back()
     between = None
     if rho is not None and surface is not None:

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
-from scipy.spatial import cKDTree
 
 import photonormal as pn
 from photonormal.materials.interreflections import brightening
@@ -118,8 +117,6 @@ def rendered(kind: str, seed: int) -> Scene:
     L = lights(24, 45.0 if g.random() < 0.5 else 20.0)
     full, direct = (tracer.trace(scene, camera, L, samples=64, bounces=k, seed=seed) for k in (5, 0))
     albedo, known = true_albedo(scene, camera, seen, L, direct)
-    nearest = cKDTree(made.vertices).query(seen.points[mask & ~known])[1]
-    albedo[mask & ~known] = colour[nearest]
     gain = g.uniform(0.5, 1.6) * np.array([g.uniform(0.7, 1.2), 1, g.uniform(0.6, 1.2)])
     gain *= 0.97 / np.quantile(full[:, mask] * gain, 0.999)
     noise = np.random.default_rng(seed)

@@ -87,7 +87,7 @@ class Around:
     def __init__(self, net: PixelNetwork, n: int, quarters: int, mask: Bool[Tensor, "h w"], look: Look) -> None:
         self.steps, self.stride, self.quarters, self.look = net.steps(n), net.stride, quarters, look
         (self.height, self.width), self.device = mask.shape, mask.device
-        self.block = plan.block(self.height, self.stride)
+        self.block = plan.block((self.height, self.width), self.stride)
         self.late = {name: look.late + rows for name, rows in lateness(self.steps, self.stride).items()}
         self.count = (look.seen[0].start + look.late) // self.block  # of blocks that are done, or lie above
         self.kept: dict[str, Rows] = {}

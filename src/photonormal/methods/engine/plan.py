@@ -17,7 +17,8 @@ SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in ea
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 KEPT = 896  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
 BAND = 2368  # bytes of each pixel of such rows while they are read
-ROWS = 128  # such rows are looked at together, and less than twice as many
+BLOCK = 2**17  # pixels of such rows that are looked at together, about
+ROWS = 128  # such rows, about, where a picture is wide
 TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
 TILES = 1 / 6  # of the memory, for these
 MOST = 512  # such rows that are read together
@@ -46,7 +47,7 @@ def tile(
     """
     most, margin = SIDE.get(device.type, SIDE["cuda"]), 2 * passes * net.reach
     if isinstance(net, PixelNetwork):
-        wide, band = (side, block(box[0], net.stride)) if side else _band(net, passes, rotations, device, box, n)
+        wide, band = (side, block(box, net.stride)) if side else _band(net, passes, rotations, device, box, n)
         return (box[0], _down(wide, net.stride)), band
     held = rotations * SEEN / WINDOW
     if not side and device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
@@ -68,7 +69,7 @@ def _band(
     def needed(wide: int, rows: int) -> float:
         return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
 
-    allowed, least = memory.allowed(), block(h, net.stride)
+    allowed, least = memory.allowed(), block(box, net.stride)
     if device.type != "cpu":
         return w, least * max(1, SIDE["cuda"] ** 2 // w // least)
     wide = w
@@ -79,9 +80,10 @@ def _band(
     return wide, least * next(k for k in range(most, 0, -1) if k == 1 or needed(wide, k * least) <= allowed)
 
 
-def block(height: int, stride: int) -> int:
-    """Rows of a box that are looked at together, so many at a time: a multiple of a stride."""
-    return -(-height // max(1, height // ROWS) // stride) * stride
+def block(box: tuple[int, ...], stride: int) -> int:
+    """Rows of a box (h, w) that are looked at together, so many at a time: a multiple of a stride."""
+    rows = max(ROWS, BLOCK // box[1])
+    return -(-box[0] // max(1, round(box[0] / rows)) // stride) * stride
 
 
 def tiles(width: int, rows: int, reach: int, stride: int) -> list[slice]:

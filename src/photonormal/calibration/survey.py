@@ -19,6 +19,7 @@ SHADING_SIZE = 64  # and of those whose shading is compared
 PLACES = 4  # constellations that are looked around
 PEAKS, ALL_PEAKS = 24, 3000  # brightest places of a picture, and of all, that may belong to a constellation
 BRIGHT = 0.3  # level of a peak, as part of its picture's brightest
+BROADEST = 31  # pixels across a peak: what is broader is a bright table, and a ball so large is seen without peaks
 TOGETHER = 0.75  # part of the pictures that have a peak in a constellation
 GAMMAS = (1.0, 2.2)  # how levels may be encoded
 
@@ -127,13 +128,18 @@ def unexplained(I: Float[np.ndarray, "n p"], L: Float[np.ndarray, "n 3"]) -> tup
 
 
 def _moving_peaks(dark: UInt8[np.ndarray, "n a b"]) -> tuple[np.ndarray, Float[np.ndarray, "m 2"]]:
-    """The brightest places of what moves in each picture: the picture's index (m,), and x and y."""
+    """The places that stand out most of what moves in each picture: the picture's index (m,), and x and y.
+
+    What is broad is taken away (a white top-hat), so that a bright, rough table's light does not outshine a ball's.
+    """
     import cv2
 
     rest = np.median(dark, axis=0) if len(dark) >= 4 else static_light(dark)
     of, at = [], []
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (BROADEST, BROADEST))
     for j, picture in enumerate(dark):
         level = cv2.GaussianBlur(np.maximum(picture - rest, 0).astype(np.float32), (0, 0), 0.7)
+        level = cv2.morphologyEx(level, cv2.MORPH_TOPHAT, disc)
         top = (level >= cv2.dilate(level, np.ones((7, 7), np.uint8)) - 1e-3) & (level > BRIGHT * level.max())
         _, labels, _, centre = cv2.connectedComponentsWithStats(top.astype(np.uint8), connectivity=8)
         height = np.zeros(len(centre), np.float32)

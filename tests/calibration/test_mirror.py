@@ -7,6 +7,7 @@ from scipy.optimize import minimize
 from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.highlight import check_highlights, darkest, looked_for
 from photonormal.calibration.mirror import directions, nearest_point, sphere_centre
+from photonormal.calibration.sphere import Sphere
 from photonormal.geometry import angle_deg, normalised
 from photonormal.types import InputError
 from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
@@ -38,6 +39,13 @@ def test_a_highlight_between_a_dark_room_and_a_bright_table_is_not_pulled_to_the
     light = [mirrored + 0.15 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / 2) for a, b in zip(*at, strict=True)]
     found = looked_for((np.stack(light) ** (1 / 2.2)).astype(np.float32), circle)
     assert max(np.hypot(h.x - a, h.y - b) for h, a, b in zip(found, *at, strict=True)) < 0.12
+
+
+def test_a_small_sphere_is_doubted():
+    def doubts(r: float) -> list[str]:
+        return Sphere("balls", Circle(50, 50, r), 0.0, (), np.empty((0, 3)), np.empty((0, 3)), (100, 100)).doubts([])
+
+    assert doubts(20) == [] and "only 10 pixels in radius, so that half a pixel turns a light by 6" in doubts(10)[0]
 
 
 def test_of_two_reflections_the_stronger_is_the_light():

@@ -18,6 +18,7 @@ from photonormal.calibration.survey import Photograph
 from photonormal.types import InputError
 
 SAME = (0.1, 1.5)  # distance, in radii and in pixels, within which two highlights are one
+FEW_PX = 15.0  # radius in pixels below which lights of rendered spheres were off by 2 degrees and more now and then
 GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
 
 
@@ -86,6 +87,11 @@ class Sphere:
             found.append(
                 f"the sphere in {self.where} was found with a confidence of {self.circle.confidence:.2f} only; look at "
                 "the picture, and give --circle x,y,r where the circle is off."
+            )
+        if self.circle.r < FEW_PX:
+            found.append(
+                f"the sphere in {self.where} is only {self.circle.r:.0f} pixels in radius, so that half a pixel turns "
+                f"a light by {np.degrees(1 / self.circle.r):.0f} degrees; use a larger sphere, or photograph it larger."
             )
         if self.astray:
             found.append(

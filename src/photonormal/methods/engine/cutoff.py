@@ -83,14 +83,15 @@ class Levels:
         if dtype not in (np.uint8, np.uint16) or capture.saturation is None or capture.linearised:
             return None
         full, saturation = np.iinfo(dtype).max, capture.saturation
-        counts = np.unique(_some(capture, lambda samples, j: samples / saturation[j] * full))
+        counts = _some(capture, lambda samples, j: samples / saturation[j] * full)
         whole = np.round(counts).astype(np.int64)
         if np.abs(counts - whole).max() > WHOLE:  # pictures that were reduced: means of whole numbers
             return Levels(_of_size(capture, 1 / full), 0.0) if dtype == np.uint8 else None
-        step = int(np.gcd.reduce(np.diff(np.unique(whole))))
+        darkest = int(whole.min())
+        step = int(np.gcd.reduce(whole - darkest, axis=None))
         if step == 0 or (dtype == np.uint16 and step == 1):
             return None
-        middle = step > 1 and abs(whole[0] % step - step / 2) <= 0.5
+        middle = step > 1 and abs(darkest % step - step / 2) <= 0.5
         return Levels(_of_size(capture, step / full), 0.5 if middle else 0.0)
 
     @property

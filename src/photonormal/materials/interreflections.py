@@ -181,7 +181,7 @@ def _grid(
     chosen = np.unique(np.linspace(0, n - 1, min(n, LIGHTS)).round().astype(int))
     bands = _bands(box, step)
     labels = cv2.connectedComponents(known[box].astype(np.uint8), connectivity=4)[1]
-    number, count = [], 0  # of one of the mask's pixels in each square
+    number: list[np.ndarray] = []  # of one of the mask's pixels in each square
     layers: dict[str, list[np.ndarray]] = {"share": [], "normals": [], "height": [], "albedo": [], "parts": []}
     for rows in bands:
         window, here = (rows, box[1]), known[rows, box[1]]
@@ -191,11 +191,10 @@ def _grid(
         for name, map in (("normals", normals.map[window]), ("height", part), ("albedo", albedo[window])):
             layers[name].append(_mean(map, here, share, step))
         layers["parts"].append(_most(labels[rows.start - box[0].start : rows.stop - box[0].start], step))
-        asked = capture.mask[window]
-        at = np.count_nonzero(capture.mask[: rows.start]) if not count else count
-        count = at + np.count_nonzero(asked)
         if capture.lights_at is not None:
-            number.append(_most(np.where(here, at + np.cumsum(asked).reshape(asked.shape) - 1, 0), step))
+            asked = capture.mask[rows]
+            last = np.count_nonzero(capture.mask[: rows.start]) + np.cumsum(asked).reshape(asked.shape) - 1
+            number.append(_most(np.where(here, last[:, box[1]], 0), step))
     joined = {name: np.concatenate(each) for name, each in layers.items()}
     N = joined["normals"] / np.maximum(np.linalg.norm(joined["normals"], axis=-1, keepdims=True), 1e-9)
     on = (joined["share"] >= FILLED) & (N[..., 2] > STEEPEST)

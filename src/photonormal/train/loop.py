@@ -10,6 +10,7 @@ from __future__ import annotations
 import logging
 import os
 import time
+import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -273,13 +274,15 @@ def launched(device: str, precision: Precision, changing: bool = False) -> Any:
     kind = torch_device(device).type
     processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))
     nodes = int(os.environ.get("WORLD_SIZE", processes)) // processes
-    fabric = Fabric(
-        accelerator=kind,
-        devices=processes,
-        num_nodes=nodes,
-        strategy=("ddp_find_unused_parameters_true" if changing else "ddp") if processes * nodes > 1 else "auto",
-        precision="bf16-mixed" if precision == "bf16" else "32-true",
-    )
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "The `srun` command is available")  # torchrun starts processes, too
+        fabric = Fabric(
+            accelerator=kind,
+            devices=processes,
+            num_nodes=nodes,
+            strategy=("ddp_find_unused_parameters_true" if changing else "ddp") if processes * nodes > 1 else "auto",
+            precision="bf16-mixed" if precision == "bf16" else "32-true",
+        )
     fabric.launch()
     return fabric
 

@@ -17,15 +17,14 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from photonormal.files import memory
-from photonormal.methods.classical.l1 import L1
-from photonormal.methods.contract import Prior, Solution, Streaming
+from photonormal.methods.contract import Solution, Streaming
 from photonormal.methods.engine.prior import first_look, prior_named
 from photonormal.methods.engine.stream import measured
 from photonormal.methods.engine.windows import Box
 from photonormal.types import Capture, Image, LightsAt
 
 # the network's at half the resolution: pixels there mix what few lights reach with what many do
-PRIOR: Prior | str = L1(steps=12)  # more of them change no mean error of a real object by more than 0.003 degrees
+PRIOR = "l1:steps=12"  # more of them change no mean error of a real object by more than 0.003 degrees
 BENT_DEG = 12.0  # by which normals are bent where their detail counts for 1 / e
 SHARE = 8  # halved pictures are kept where this part of the memory holds them; else made again for each look
 ROWS = 256  # of half the resolution, carried at a time

@@ -29,23 +29,24 @@ class FirstLook:
     lit: Bool[Tensor, "h w"]  # some image is not black here
 
 
-def prior_named(name: str) -> Prior | None:
-    """The classical method that a network starts from; None where `name` is empty.
+def prior_named(text: str) -> Prior | None:
+    """The classical method that a network starts from, such as "l1" or "l1:steps=12"; None where `text` is empty.
 
     Raises
     ------
     InputError
         If there is no such method, or it is no prior.
     """
-    if not name:
+    if not text:
         return None
-    from photonormal.methods import METHODS, method_class
+    from photonormal.methods import METHODS, configure, method_class, parse
 
-    method = method_class(name)
-    if not issubclass(method, Prior):
+    name, options = parse(text)
+    method = configure(name, **options)
+    if not isinstance(method, Prior):
         priors = [m for m, place in METHODS.items() if ".classical." in place and issubclass(method_class(m), Prior)]
         raise InputError(f"{name} can't be a prior, since it takes no batches; choose from {', '.join(priors)}.")
-    return method()
+    return method
 
 
 def first_look(

@@ -15,7 +15,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from photonormal.methods.contract import Prior, Solution, Streaming
+from photonormal.methods.contract import Solution, Streaming
 from photonormal.methods.engine import bands, plan
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.prior import first_look, prior_named
@@ -51,7 +51,7 @@ def measured(
     device: torch.device,
     rotations: int = 1,
     side: int = 0,
-    prior: Prior | str | None = None,
+    prior: str | None = None,
     passes: int = 1,
     rows: slice | None = None,
 ) -> Solution:
@@ -61,7 +61,7 @@ def measured(
     ----------
     rotations : 1, or 4: average over quarter turns of the images; four times the work
     side : of a window in pixels, without its margins, and of a band of rows; 0: what suits the device and the memory
-    prior : a classical method, or its name, in place of the one that the network learned with; "": none
+    prior : a classical method in place of the one that the network learned with; "": none
     passes : how often the network looks; from the second time on its own normals are the prior
     rows : of the frame, which alone are asked for; None: all
     """
@@ -69,7 +69,7 @@ def measured(
         raise InputError(f"{rotations} rotations came but 1 or 4 is possible; quarter turns keep the pixels.")
     if passes < 1:
         raise InputError(f"{passes} passes came but at least 1 is needed.")
-    start = prior if isinstance(prior, Prior) else prior_named(net.config.prior if prior is None else prior)
+    start = prior_named(net.config.prior if prior is None else prior)
     net = placed(net, device).eval()
     box = Box.of(capture, net.stride)
     with torch.inference_mode():

@@ -65,7 +65,7 @@ def test_columns_that_are_looked_at_together_are_all_columns():
 def test_what_is_too_small_is_told(allow):
     net, capture = configure("normalnet").network(), load("demo")
     allow(1e8)
-    with pytest.raises(InputError, match=r"a band of 128 rows of 62 pixels .* needs .* such as --memory"):
+    with pytest.raises(InputError, match=r"a band of 64 rows of 64 pixels .* needs .* such as --memory"):
         plan.tile(net, 2, 1, CPU, LARGE, 8)
     assert plan.tile(net, 2, 1, CPU, (96, 96), 8) == ((96, 96), 96)  # what is small is seen as a whole
     allow(1e4)
@@ -76,7 +76,7 @@ def test_what_is_too_small_is_told(allow):
 def test_a_graph_of_too_many_samples_is_told(allow):
     net = configure("gps-net").network()
     allow(1e8)
-    with pytest.raises(InputError, match=r"a band of 128 rows .* needs .* such as --memory") as told:
+    with pytest.raises(InputError, match=r"a band of 64 rows .* needs .* such as --memory") as told:
         plan.tile(net, 1, 1, CPU, LARGE, 10_000)
     assert "\n" not in str(told.value) and plan.tile(net, 1, 1, CPU, LARGE, 300)[1] >= 64
 

@@ -20,6 +20,7 @@ BAND = 2368  # bytes of each pixel of such rows while they are read
 BLOCK = 2**17  # pixels of such rows that are looked at together, about
 ROWS = 128  # such rows, about, where a picture is wide
 TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
+COLUMNS = 512  # of them, at most: a window that shows some of them makes them all
 TILES = 1 / 6  # of the memory, for these
 MOST = 512  # such rows that are read together
 
@@ -69,15 +70,15 @@ def _band(
     def needed(wide: int, rows: int) -> float:
         return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
 
-    allowed, least = memory.allowed(), block(box, net.stride)
+    allowed, rows = memory.allowed(), block(box, net.stride)
     if device.type != "cpu":
-        return w, least * max(1, SIDE["cuda"] ** 2 // w // least)
-    wide = w
-    while needed(wide, least) > allowed and wide > LEAST:
-        wide //= 2
+        return w, rows * max(1, SIDE["cuda"] ** 2 // w // rows)
+    least = max(net.stride, _down(rows // 2, net.stride))
+    widths = (-(-w // windows) for windows in range(1, max(1, w // LEAST) + 1))
+    wide = next((wide for wide in widths if needed(wide, least) <= allowed), min(w, LEAST))
     _refuse(int(needed(wide, least)), f"a band of {least} rows of {wide} pixels with {margin // 2} around it")
-    most = max(1, min(MOST, h) // least)
-    return wide, least * next(k for k in range(most, 0, -1) if k == 1 or needed(wide, k * least) <= allowed)
+    bands = [k * rows for k in range(max(1, min(MOST, h) // rows), 0, -1)]
+    return wide, next((band for band in bands if needed(wide, band) <= allowed), least)
 
 
 def block(box: tuple[int, ...], stride: int) -> int:
@@ -88,7 +89,7 @@ def block(box: tuple[int, ...], stride: int) -> int:
 
 def tiles(width: int, rows: int, reach: int, stride: int) -> list[slice]:
     """Columns that are looked at together, with `reach` around them, of so many rows; multiples of a stride."""
-    wide = max(stride, _down(TILE // max(1, rows) - 2 * reach, stride))
+    wide = max(stride, _down(min(COLUMNS, TILE // max(1, rows) - 2 * reach), stride))
     return [slice(x, min(x + wide, width)) for x in range(0, width, wide)]
 
 

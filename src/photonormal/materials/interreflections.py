@@ -117,15 +117,15 @@ def brightening(
 
 def _factors(grid: Grid) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " c"]] | None:
     """Measured over true albedo, and the exposure; None where it is not told."""
-    F = form_factors(grid.height, grid.normals, grid.parts)
-    if not F.nnz:
-        return None
-    open = 1 - np.asarray(F.sum(1))  # (p, 1)
     S = grid.cos.clip(0)
     hidden = shadows(grid.height, grid.on, grid.L)
     dark = (grid.cos < -STEEPEST) | (hidden & (grid.cos > STEEPEST))  # (p, n)
     if np.count_nonzero(dark) < SAMPLES:
         return None
+    F = form_factors(grid.height, grid.normals, grid.parts)
+    if not F.nnz:
+        return None
+    open = 1 - np.asarray(F.sum(1))  # (p, 1)
     s = (S * ~hidden)[..., None]  # (p, n, 1)
     a, shown = grid.albedo, grid.I[dark]  # (p, c), (m, c)
     k, factor, B = np.ones(a.shape[1], np.float32), np.ones_like(a), a[:, None] * s

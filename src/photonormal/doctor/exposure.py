@@ -30,8 +30,8 @@ def saturation(samples: Samples, capture: Capture) -> list[Finding]:
             "saturation",
             bool(samples.saturated.mean() > SATURATED),
             f"{counted(len(bad), 'picture is', 'pictures are')} saturated on more than {100 * SATURATED:.0f} % of the "
-            f"object ({listed(names)}; up to {100 * samples.saturated[worst[0]]:.0f} %); expose "
-            "less, or trim highlights.",
+            f"object ({listed(names)}; up to {100 * samples.saturated[worst[0]]:.0f} %); "
+            "expose less, or trim highlights.",
             {"pictures": names, "saturated_percent": round(100 * float(samples.saturated.mean()), 2)},
         )
     ]

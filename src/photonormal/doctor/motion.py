@@ -25,10 +25,7 @@ UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, b
 GROUP, GROUPS = 3, 3  # pictures shifted alike at least, such groups at most
 USUAL = 1 / 3  # of what it fits worse by than pictures do as a rule, that is left after the shift
 OUTLYING = 2.0  # robust standard deviations by which it fits worse than the pictures do as a rule, in log odds
-PLAIN = (
-    0.4,
-    1.0,
-)  # of its detail that was unexplained, that is left after the shift, and those deviations, which suffice
+PLAIN = 0.4, 1.0  # of its unexplained detail, left after the shift, and those deviations: they suffice
 
 
 def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:

@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 from photonormal.masked import means
 from photonormal.materials.exchange import form_factors, shadows
 from photonormal.methods.albedo import robust
+from photonormal.methods.between import everywhere
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.types import Capture, Normals, Surface, box_of
 
@@ -112,7 +113,9 @@ def brightening(
     if found is None:
         return None
     factor, exposure = found
-    return Brightening(_everywhere(np.log(factor), grid.on), step, (box[0].start, box[1].start), exposure)
+    logs = np.zeros((*grid.on.shape, factor.shape[1]), np.float32)
+    logs[grid.on] = np.log(factor)
+    return Brightening(everywhere(logs, grid.on), step, (box[0].start, box[1].start), exposure)
 
 
 def _factors(grid: Grid) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " c"]] | None:
@@ -235,13 +238,3 @@ def _most(map: Int[np.ndarray, "h w"], step: int) -> Int[np.ndarray, "a b"]:
     h, w = map.shape
     padded = np.pad(map, ((0, -h % step), (0, -w % step)), mode="edge")
     return padded.reshape(-(-h // step), step, -(-w // step), step).max((1, 3))
-
-
-def _everywhere(values: Float[np.ndarray, "p c"], on: Bool[np.ndarray, "a b"]) -> Float[np.ndarray, "a b c"]:
-    """A map whose squares outside have the nearest value."""
-    from scipy.ndimage import distance_transform_edt
-
-    nearest: Any = distance_transform_edt(~on, return_distances=False, return_indices=True)
-    map = np.zeros((*on.shape, values.shape[1]), np.float32)
-    map[on] = values
-    return map[tuple(nearest)]

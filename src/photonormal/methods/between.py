@@ -10,14 +10,20 @@ from jaxtyping import Bool, Float
 ROWS = 256  # of a map made at a time
 
 
+def everywhere(map: Float[np.ndarray, "h w *c"], known: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w *c"]:
+    """A map that has, where nothing is known, what the nearest known place has."""
+    from scipy.ndimage import distance_transform_edt
+
+    nearest: Any = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return map[tuple(nearest)]
+
+
 def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "h w"]:
     """Positive values of all pixels of the mask from those of a grid: the nearest known one's, smoothed over it."""
     import cv2
-    from scipy.ndimage import distance_transform_edt
 
     small = found[::step, ::step]
-    nearest: Any = distance_transform_edt(np.isnan(small), return_distances=False, return_indices=True)
-    logs = np.log(small[tuple(nearest)]).astype(np.float32)
+    logs = np.log(everywhere(small, ~np.isnan(small))).astype(np.float32)
     h, w = mask.shape
     full = np.empty(mask.shape, np.float32)
     for top in range(0, h, ROWS):

@@ -20,6 +20,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -35,6 +36,7 @@ Content: TypeAlias = bytes | memoryview | Callable[[BinaryIO], object]  # of a f
 log = logging.getLogger(__name__)
 
 WAIT_SECONDS = 60.0  # for another process that writes a few files
+AT_A_TIME = 16  # files that the disk is to take: together they cost it little more than one
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # errors that only writing meets
 
 
@@ -108,8 +110,8 @@ class Batch:
 
     def commit(self) -> None:
         """Put the files into place, all or none."""
-        for name in self.names:
-            sync(self / name)
+        with ThreadPoolExecutor(AT_A_TIME) as pool:
+            list(pool.map(sync, [self / name for name in self.names]))
         with uninterrupted():
             old = [n for n in dict.fromkeys([*self.remove, *self.names]) if os.path.lexists(self.folder / n)]
             for name in old:

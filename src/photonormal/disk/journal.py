@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ PARTIAL = ".photonormal-partial"  # folder of the journal and of the files to co
 NAME = "journal"
 HEADER = {"written by": "photonormal"}  # first line
 LONGEST = 2**26  # bytes of a journal
+LOOKS_S = (0, 0.01, 0.1)  # at a folder that others may make and remove several times during one look
 NO_MOVES: dict[str, Any] = {"old": [], "new": {}, "folders": []}
 
 
@@ -40,7 +42,7 @@ class Journal:
         try:
             partial.mkdir()
         except FileExistsError:
-            if not _ours(partial):
+            if not any(_ours(partial, after_s) for after_s in LOOKS_S):
                 raise InputError(f"{partial} is not of photonormal, which needs that name; rename it.") from None
         try:
             file = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
@@ -169,8 +171,9 @@ class Journal:
             os.close(file)
 
 
-def _ours(partial: Path) -> bool:
-    """True for a folder that a batch of ours has made, is making or is just removing."""
+def _ours(partial: Path, after_s: float) -> bool:
+    """True for a folder that a batch of ours has made, is making or is just removing; a look at it after a while."""
+    time.sleep(after_s)
     if partial.is_symlink() or not partial.is_dir():
         return not os.path.lexists(partial)  # gone since
     journal = partial / NAME

@@ -6,7 +6,7 @@ Importing it loads neither torch nor OpenCV nor SciPy; each is loaded by the fir
 __version__ = "0.1.0"
 
 from photonormal.capture import load
-from photonormal.doctor import check
+from photonormal.examination import check
 from photonormal.export import load_normals, save
 from photonormal.integration import integrate
 from photonormal.measurement import measure

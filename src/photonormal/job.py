@@ -8,7 +8,7 @@ from __future__ import annotations
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,8 +48,8 @@ class Job:
     camera : text file with the 3 x 3 camera matrix
     refine_lights : whether lights are mended by what the photographs show
     normals_frame, linear_albedo, mesh_faces : as for `photonormal.export.result.write_result`
-    sphere : where lights are found from a mirror sphere: "AUTO": in the photographs themselves, where they show one; or
-        a folder; "": nowhere
+    sphere : where lights are found from a mirror sphere: "auto": in the photographs themselves, where they show one; or
+        a folder, in the capture's own if there is one of that name; "": nowhere. `located` names the one folder
     overwrite : write into a folder that exists and is no result of photonormal
     """
 
@@ -75,6 +75,19 @@ class Job:
     def how(self) -> str:
         """The method with all options that are its own."""
         return self.method + ":fast=true" * self.fast
+
+    @property
+    def folder(self) -> Path:
+        """Of the capture's photographs."""
+        place = place_of(self.capture)
+        return place if place.is_dir() else place.parent
+
+    def located(self) -> Job:
+        """The same, its sphere `AUTO`, one folder's path, or none."""
+        if self.sphere.upper() in ("", AUTO):
+            return replace(self, sphere=AUTO if self.sphere else "")
+        inside = self.folder / self.sphere
+        return replace(self, sphere=str((inside if inside.is_dir() else Path(self.sphere)).absolute()))
 
     def made(self) -> Made:
         """What its result is made by: version, method, options, weights and code."""
@@ -236,11 +249,10 @@ def _read(job: Job, opened: dict[Path, Stamp]) -> tuple[Capture, dict[str, Any],
     reading = _reading(job)
     if not job.sphere:
         return load(job.capture, **reading), reading, Calibrated()
-    folder = job.capture if job.capture.is_dir() else job.capture.parent
     with tempfile.TemporaryDirectory(prefix="photonormal-") as made:
         lights = Path(made) / "sphere.lp"
         try:
-            report = calibrate(folder, [job.sphere], lights)
+            report = calibrate(job.folder, [job.sphere], lights)
         except InputError as error:
             refusal = str(error).removesuffix(f" {lights.with_name('sphere_refused.png')} shows it.")
             if job.sphere != AUTO:

@@ -12,8 +12,8 @@ import numpy as np
 
 import photonormal
 from photonormal.arrays import as_capture
-from photonormal.doctor import check
 from photonormal.doctor.finding import Finding
+from photonormal.examination import check
 from photonormal.integration import integrate
 from photonormal.lighting import FoundLights
 from photonormal.masked import picked, row_bands
@@ -56,7 +56,7 @@ def measure(
     albedo : whether to find it, which takes lights, given or found by the method; so do expected errors. With depth,
         light that parts of the surface send each other is taken out where it can be told
     expected_error : whether to tell how far each normal is expected to be off
-    examine : whether to look for faults of the photographs and lights (`photonormal.doctor`), the report's warnings
+    examine : whether to look for faults of the photographs and lights (`photonormal.check`), the report's warnings
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
     lights : "given"; "refined": the capture's lights may be off by some degrees each and are mended by what the
         photographs show; "unknown": the capture's are not looked at, all is found from the photographs, intensities,
@@ -76,7 +76,7 @@ def measure(
     check_value(lights, LightsFrom, "lights")
     solver = configure(method, **(options or {}))
     seconds: dict[str, float] = {}
-    samples, warnings, told = None, [], None
+    samples, told = None, None
     findings: list[Finding] = []
     from photonormal.methods.contract import Streaming
     from photonormal.methods.engine import check as check_needs
@@ -107,11 +107,11 @@ def measure(
 
         with _stage("lights", seconds), computing_in(precision):
             told = found_lights(capture, lights, device)
-        capture, warnings = told.shown_by(capture), list(told.notes)
+        capture = told.shown_by(capture)
     if examine:
-        with _stage("check", seconds), progress("checking"):
-            findings = check(capture)
-        warnings += [finding.message for finding in findings]
+        with _stage("check", seconds):
+            findings = check(capture, told)
+    warnings = [finding.message for finding in findings] if examine or told is None else list(told.notes)
     whole = given_back(capture) if solver.needs.lights else capture
     warnings += whole.notes[len(capture.notes) :]
     with _stage("solve", seconds):

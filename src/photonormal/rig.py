@@ -24,7 +24,7 @@ from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
 from photonormal.options import Coordinate, LightsFrom, Positive, check_value
 from photonormal.progress import progress
-from photonormal.types import Capture, InputError, cores
+from photonormal.types import InputError, cores
 
 if TYPE_CHECKING:
     from photonormal.doctor.finding import Finding
@@ -188,9 +188,8 @@ def check(
     out : folder for report.json, a polar plot of the lights, and corrected lights where other ones fit; None: no files
     lights_from : "given", or those that are checked are found from the photographs first, as `pn.measure` does it
     """
-    from photonormal.doctor import check as findings_of
     from photonormal.doctor.coverage import polar_plot
-    from photonormal.doctor.finding import Finding
+    from photonormal.examination import check as findings_of
     from photonormal.export import lights as text
     from photonormal.export.folder import report, whole_folder
     from photonormal.png import encode_png
@@ -201,9 +200,7 @@ def check(
 
         told = found_lights(photographs, lights_from)
         photographs = told.shown_by(photographs)
-    with progress("checking"):
-        found = findings_of(photographs)
-    found += [Finding("lights", False, note) for note in told.notes] if told else _off(photographs, found)
+    found = findings_of(photographs, told)
     if out is None:
         return found, []
     with whole_folder(Path(out), overwrite, files_read(capture, photographs, *how.values())) as folder:
@@ -226,23 +223,6 @@ def check(
             folder.write("corrected.png", encode_png(polar_plot(normalised(fixed - middle))))
         report(folder, content)
     return found, [Path(out) / name for name in sorted(folder.names)]
-
-
-def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
-    """Lights that the photographs speak against, where nothing grave was found, which they would hide."""
-    from photonormal.doctor.finding import Finding
-    from photonormal.methods.uncalibrated.refine import mended
-
-    better = None if any(finding.grave or finding.lights is not None for finding in found) else mended(capture)
-    if better is None or better.moved_deg is None:
-        return []
-    moved = {name: round(float(v), 1) for name, v in zip(capture.image_names, better.moved_deg, strict=True)}
-    worst = max(moved, key=moved.__getitem__)
-    message = (
-        f"the photographs fit lights better that are {better.moved_deg.mean():.1f} degrees from the given ones in the "
-        f"mean, at most {moved[worst]:.1f} ({worst}); measure with --refine-lights."
-    )
-    return [Finding("lights", False, message, {"moved_deg": moved}, better.lights)]
 
 
 def intensities(
@@ -365,8 +345,7 @@ def numbered_pictures(folder: Path) -> list[Path]:
 
     `ref.jpg` or `ambient.png` beside `001.png`, `002.png`, ... is no photograph under one light.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder} is no folder but one with photographs is needed; give that.")
+    _check_folder(folder)
     if (folder / "filenames.txt").is_file():
         return [folder / name for name in read_lines(folder / "filenames.txt")]
     pictures = find_pictures(folder)
@@ -378,8 +357,14 @@ def numbered_pictures(folder: Path) -> list[Path]:
 
 def pictures_of(folder: Path) -> list[Path]:
     """Every picture of a folder that a calibration may read, its mask included."""
+    _check_folder(folder)
     mask = find_mask(folder)
     return [*find_pictures(folder), *([mask] if mask else [])]
+
+
+def _check_folder(folder: Path) -> None:
+    if not folder.is_dir():
+        raise InputError(f"{folder} is no folder but one with photographs is needed; give that.")
 
 
 def _images(folder: Path, names: Sequence[str], kept: Sequence[int]) -> ImageFiles:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import photonormal as pn
+from photonormal.cli import main
 from photonormal.geometry import angle_deg
 from tests.batch.conftest import normals
 from tests.calibration.chrome import dome, write_chrome
@@ -55,3 +56,13 @@ def test_auto_takes_a_capture_s_own_lights_where_it_shows_no_sphere(season, tmp_
     assert "refused.png" not in err
     report = json.loads((tmp_path / "results" / "vase-0" / "report.json").read_text())
     assert error_deg(tmp_path / "results", "vase-0") < 1 and "the capture's own were taken" in report["warnings"][-1]
+
+
+def test_measure_finds_lights_by_the_same_sphere(season, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    how = ["--method", "woodham", "--no-mesh", "--no-expected-error"]
+    assert main(["measure", str(season / "vase-0"), "--sphere", "chrome", *how, "--out", "result"]) == 0
+    own = json.loads((tmp_path / "result" / "report.json").read_text())["provenance"]["inputs"]["files"]
+    assert "chrome/01.png" in own and error_deg(tmp_path, "result") < 1
+    assert main(["measure", str(season / "vase-1"), "--sphere", "nowhere", *how, "--out", "other"]) == 2
+    assert not (tmp_path / "other").exists()

@@ -1,6 +1,7 @@
 """What the commands print for people and for programs: help, version, JSON, the next step."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -10,7 +11,9 @@ from photonormal.cli import COMMANDS, main
 from photonormal.geometry import FRAMES
 from photonormal.methods import METHODS
 from photonormal.options import Frame
+from photonormal.srgb import from_linear
 from tests.calibration.chrome import dome, write_chrome
+from tests.methods.uncalibrated.test_refine import scattered
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
@@ -58,7 +61,7 @@ def turned(tmp_path):
 def test_check_is_strict_when_asked_to_be(turned, capsys):
     assert main(["check", turned]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("grave: ") and lines[-1] == f"next: photonormal measure {turned} --out result"
+    assert lines[0].startswith("grave: ") and lines[-1] == f"next: photonormal check {turned} --out report"
     assert main(["check", turned, "--strict", "--json"]) == 1
     found = json.loads(capsys.readouterr().out)["findings"]
     assert found[0]["grave"] and found[0]["kind"] and found[0]["message"]
@@ -69,6 +72,26 @@ def test_the_next_step_keeps_how_the_photographs_are_read(turned, capsys):
     main(["check", turned, "--frame", "directx", "--images", "1-9"])
     words = f"next: photonormal measure {turned} --images 1-9 --frame directx --out result"
     assert capsys.readouterr().out.splitlines()[-1] == words
+
+
+def test_the_next_step_has_the_option_that_was_asked_for(tmp_path, capsys):
+    right = lambertian(sphere(64), scattered(20))
+    write_diligent(tmp_path / "ball", replace(right, images=from_linear(right.images / right.images.max())))
+    folder = str(tmp_path / "ball")
+    main(["check", folder, "--linear"])
+    said = capsys.readouterr().out
+    assert "add --srgb" in said and "Mend first" not in said
+    assert said.splitlines()[-1] == f"next: photonormal measure {folder} --srgb --out result"
+    main(said.splitlines()[-1].replace("measure", "check").split()[2:-2])
+    assert "encoding" not in capsys.readouterr().out
+
+
+def test_lights_are_corrected_by_the_commands_that_come_next(turned, tmp_path, capsys):
+    report = str(tmp_path / "report")
+    main(["check", turned, "--frame", "opengl", "--out", report])
+    words = f"next: photonormal measure {turned} --lights {report}/corrected.lp --out result"
+    assert capsys.readouterr().out.splitlines()[-1] == words
+    assert main(["check", turned, "--lights", f"{report}/corrected.lp", "--strict"]) == 0
 
 
 def test_measure_prints_its_report(turned, tmp_path, capsys):

@@ -16,7 +16,7 @@ import msgspec
 from photonormal.capture import UNKNOWN
 from photonormal.capture.texts import read_lines
 from photonormal.files.opening import read_bytes
-from photonormal.job import AUTO, Job
+from photonormal.job import Job
 from photonormal.options import check_value
 from photonormal.types import InputError
 
@@ -67,8 +67,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
             raise InputError(
                 f"{named[name].job.capture} and {path} would both be called {name}; give them names in a list."
             )
-        job = _with(replace(like, capture=path, out=out / name), options)
-        named[name] = Named(name, replace(job, sphere=_sphere(job)))
+        named[name] = Named(name, _with(replace(like, capture=path, out=out / name), options).located())
     for name in named:
         if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
             raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
@@ -151,14 +150,6 @@ def _value(value: Any, kind: Any, called: str, base: Path) -> Any:
         made = value
     check_value(made, kind, called)
     return made
-
-
-def _sphere(job: Job) -> str:
-    """Where a capture's sphere is: in its own folder, if there is one of that name, or where all have it."""
-    if job.sphere in ("", "auto"):
-        return AUTO if job.sphere else ""
-    inside = (job.capture if job.capture.is_dir() else job.capture.parent) / job.sphere
-    return str((inside if inside.is_dir() else Path(job.sphere)).absolute())
 
 
 def _toml(path: Path) -> list[dict[str, Any]]:

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 class Going:
     """How a batch goes on."""
 
-    sphere: Annotated[str, shown("auto|FOLDER")] = ""
-    """Find lights from a mirror sphere: auto: in each capture, where it shows one; FOLDER: in each, or one for all."""
     jobs: Number = None
     """Captures at a time, each in its own process; by default as many as cores and memory allow."""
     scheduler: Annotated[str, shown("ADDRESS")] = ""
@@ -130,14 +128,14 @@ def of_all(command: Batch | Watch) -> Job:
     going, reading = command.batch, command.read.how()
     allow(reading.pop("memory"))
     how = of_job(command.method, command.results)
-    return Job(Path(), command.out, reading, sphere=going.sphere, overwrite=going.overwrite, **how)
+    return Job(Path(), command.out, reading, overwrite=going.overwrite, **how)
 
 
 def kinds() -> dict[str, Any]:
     """The options that a list of captures may give, and their kinds."""
     groups = (Files, Lights, Corrections, How, Written)
     found = {name: kind for group in groups for name, kind in get_type_hints(group, include_extras=True).items()}
-    return {name: kind for name, kind in found.items() if name not in ("memory", "device")} | {"sphere": str}
+    return {name: kind for name, kind in found.items() if name not in ("memory", "device")}
 
 
 def as_lines(event: str, **what: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional
 
-from photonormal.cli.kinds import File, Where, next_step, warn
+from photonormal.cli.kinds import File, Where, next_step, shown, warn
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.export.mesh import FACES
 from photonormal.methods import DEFAULT, METHODS, method_class
@@ -31,6 +31,9 @@ class How:
     """What networks compute in; auto: bf16 where the machine has instructions for it."""
     integration: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
     """How depth is found; bilateral lets it jump."""
+    sphere: Annotated[str, shown("auto|FOLDER")] = ""
+    """Find lights from a mirror sphere: auto: in the photographs, where they show one; FOLDER: photographs of one under
+    the same lights, in each capture's folder, or one for all."""
     refine_lights: bool = False
     """The lights may be off by some degrees each: mend them by what the photographs show."""
     camera: File = None
@@ -91,7 +94,8 @@ class Measure:
 
         written = self.results
         how = of_job(self.method, written)
-        report = carry_out(Job(self.capture, self.out, self.read.how(), overwrite=written.overwrite, **how))
+        job = Job(self.capture, self.out, self.read.how(), overwrite=written.overwrite, **how)
+        report = carry_out(job.located())
         warn(report["warnings"])
         if written.json:
             print(as_json(report).decode(), end="")

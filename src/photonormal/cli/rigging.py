@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 from tyro.conf import Positional
@@ -14,6 +14,9 @@ from photonormal.cli.kinds import Box, File, Folder, Millimetres, Numbers, Pixel
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.options import Count, Frame
 from photonormal.types import InputError, printable
+
+if TYPE_CHECKING:
+    from photonormal.doctor.finding import Finding
 
 
 @dataclass(frozen=True)
@@ -222,8 +225,20 @@ class Check:
             print("nothing wrong was found")
         if files:
             print(", ".join(str(f) for f in files))
-        words = ("measure", self.capture, *words_of(self.read), "--out", "result")
-        if grave:
+        if any(f.grave and f.lights is None and not f.options for f in found):
             print("Mend first what is grave; then")
-        next_step(*words)
+        next_step(*self._next(found))
         return code
+
+    def _next(self, found: list[Finding]) -> tuple[object, ...]:
+        """The words of the command that comes next, with the options and lights that mend what was found."""
+        options = {name: value for f in found for name, value in f.options.items()}
+        refine = ["--refine-lights"] * options.pop("refine_lights", self.refine_lights)
+        read = replace(self.read, corrections=replace(self.read.corrections, **options))
+        if any(f.lights is not None and not f.options for f in found):
+            if self.out is None:  # which writes them
+                return "check", self.capture, *words_of(self.read), *refine, "--out", "report"
+            ring = {"ring": None, "elevation": None, "start": 0.0, "clockwise": False}
+            own = {"frame": "opengl", "lights_as": "", "dome_radius_mm": None, **ring}
+            read = replace(read, lights=replace(read.lights, lights=self.out / "corrected.lp", **own))
+        return "measure", self.capture, *words_of(read), *refine, "--out", "result"

@@ -89,13 +89,15 @@ def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | N
         if linear.below(ENCODED) and not (ambient and linear.left > STEEPER * offset.left):
             better = f"linearised they fit a matt surface {1 / max(linear.left, 0.01):.1f} times better"
             message = f"the pictures look sRGB-encoded: {better}; add --srgb, or export linear pictures."
+            options = {"srgb": True, "linear": False}
             if linear is pro:
                 message = (
                     f"the pictures look encoded with a gamma of {PROPHOTO}, as in ProPhoto RGB: {better}; export them "
                     "with their colour profile, which is applied, or linear ones."
                 )
+                options = {}
             numbers = {"misfit_linearised": round(linear.left, 4)}
-            return linear.left / STEEPER, Finding("encoding", True, message, numbers)
+            return linear.left / STEEPER, Finding("encoding", True, message, numbers, options=options)
     if not ambient:
         return None
     level = float(np.median(on))
@@ -132,7 +134,8 @@ def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[f
         f"{1 / max(gain.left, 0.01):.1f} times better as their files store them: they look linear, whatever is said of "
         "them; leave --srgb out, or add --linear."
     )
-    return gain.left, Finding("encoding", True, message, {"misfit_as_stored": round(gain.left, 4)})
+    numbers, options = {"misfit_as_stored": round(gain.left, 4)}, {"srgb": False, "linear": True}
+    return gain.left, Finding("encoding", True, message, numbers, options=options)
 
 
 def _near(pixels: Pixels, L: np.ndarray, b: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:

@@ -20,6 +20,7 @@ class Finding:
     message : what was found and what to do, one line
     numbers : the figures behind it
     lights : (n, 3) that fit the pictures better, where there are some: directions, or positions in mm of near lamps
+    options : of `photonormal.load` and `photonormal measure`, by name, that mend it
     """
 
     kind: str
@@ -27,6 +28,7 @@ class Finding:
     message: str
     numbers: dict[str, Any] = field(default_factory=dict)
     lights: np.ndarray | None = field(default=None, repr=False)
+    options: dict[str, Any] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""

@@ -147,6 +147,10 @@ def test_the_doctor_tells_lights_that_are_off_by_some_degrees(tmp_path, capsys):
     np.savetxt(tmp_path / "ball" / "light_directions.txt", shaken(true.lights, 5))
     assert main(["check", str(tmp_path / "ball"), "--out", str(tmp_path / "c")]) == 0
     said = capsys.readouterr().out
-    assert "--refine-lights" in said or "corrected.lp" in said
+    assert "measure with --refine-lights" in said
     fixed = pn.load(tmp_path / "ball", lights=tmp_path / "c" / "corrected.lp")
     assert score_lights(fixed.known_lights(), true.known_lights()).mean_deg < 2.5
+    found = pn.check(pn.load(tmp_path / "ball"))
+    assert found[-1].kind == "lights" and said.splitlines()[-1].endswith("--refine-lights --out result")
+    told = pn.measure(pn.load(tmp_path / "ball"), "woodham", integration=None, expected_error=False).report
+    assert told["warnings"] == [finding.message for finding in found]

@@ -1,0 +1,43 @@
+"""What is wrong with a capture, as `check` and `measure` say it: the doctor's findings, and lights to be mended."""
+
+from __future__ import annotations
+
+from photonormal.doctor import check as findings_of
+from photonormal.doctor.finding import Finding
+from photonormal.lighting import FoundLights
+from photonormal.progress import progress
+from photonormal.types import Capture
+
+
+def check(capture: Capture, told: FoundLights | None = None) -> list[Finding]:
+    """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
+
+    What `photonormal.doctor.check` finds, and lights that the photographs speak against.
+
+    Parameters
+    ----------
+    told : the lights that the capture is under, where they were found from its photographs
+    """
+    with progress("checking"):
+        found = findings_of(capture)
+    if told is not None:
+        return found + [Finding("lights", False, note) for note in told.notes]
+    return found + _off(capture, found)
+
+
+def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
+    """Lights that the photographs speak against, where nothing grave was found, which they would hide."""
+    from photonormal.methods.uncalibrated.refine import mended
+
+    if any(finding.grave or finding.lights is not None for finding in found):
+        return []
+    better = mended(capture)
+    if better is None or better.moved_deg is None:
+        return []
+    moved = {name: round(float(v), 1) for name, v in zip(capture.image_names, better.moved_deg, strict=True)}
+    worst = max(moved, key=moved.__getitem__)
+    message = (
+        f"the photographs fit lights better that are {better.moved_deg.mean():.1f} degrees from the given ones in the "
+        f"mean, at most {moved[worst]:.1f} ({worst}); measure with --refine-lights."
+    )
+    return [Finding("lights", False, message, {"moved_deg": moved}, better.lights, {"refine_lights": True})]

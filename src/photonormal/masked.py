@@ -12,17 +12,14 @@ PIXELS = 2**20  # taken at a time
 
 def row_bands(mask: Bool[np.ndarray, "h w"], pixels: int = PIXELS) -> list[slice]:
     """Rows that the mask reaches, each part with at most so many pixels on the mask, or one row."""
-    counts = np.count_nonzero(mask, axis=1)
-    inside = np.flatnonzero(counts)
-    if not inside.size:
-        return []
-    parts, first, held = [], int(inside[0]), 0
-    for y, count in enumerate(counts[first : inside[-1] + 1].tolist(), first):
-        if held and held + count > pixels:
+    parts, first, held = [], 0, 0
+    for y, count in enumerate([*np.count_nonzero(mask, axis=1).tolist(), 0]):
+        if held and (held + count > pixels or not count):
             parts.append(slice(first, y))
-            first, held = y, 0
+            held = 0
+        first = first if held else y
         held += count
-    return [*parts, slice(first, int(inside[-1]) + 1)]
+    return parts
 
 
 def numbered(mask: Bool[np.ndarray, "h w"]) -> Iterator[tuple[slice, slice]]:

@@ -25,7 +25,7 @@ def small_windows(monkeypatch):
 @pytest.mark.parametrize("method", ["trimmed", "woodham", "l1"])
 def test_parts_by_pixel_are_the_whole(method, monkeypatch):
     capture, solver = lambertian(matt(160), ring(6)), configure(method)
-    monkeypatch.setattr("photonormal.methods.engine.samples.READ", 40_000)  # fewer samples tell of the whole
+    monkeypatch.setattr("photonormal.methods.inputs.grey.READ", 40_000)  # fewer samples tell of the whole
     whole = run(solver, capture, CPU).normals
     monkeypatch.setattr(plan, "LEVELS", 6 * 4000)
     rows = divided(solver, capture, 3)

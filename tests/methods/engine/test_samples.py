@@ -38,7 +38,7 @@ def test_bands_hold_every_pixel_once(pixels):
     mask = sphere(24).mask
     mask[10:13] = False  # rows without a pixel
     capture = replace(lambertian(sphere(24), ring(9)), mask=mask)
-    parts = [samples.grey_levels(capture, rows) for rows in row_bands(capture.mask, pixels)]
+    parts = [samples.grey_levels(capture, within=rows) for rows in row_bands(capture.mask, pixels)]
     assert max(map(len, parts)) <= max(pixels, mask.sum(1).max())
     assert torch.equal(torch.cat(parts), samples.grey_levels(capture))
 

@@ -8,10 +8,14 @@ import torch
 
 import photonormal as pn
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
+from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import Woodham
 from photonormal.methods.engine import on_mask, pixels, plan, stream
 from photonormal.methods.engine.frames import frames
+from photonormal.methods.engine.prior import first_look
 from photonormal.methods.engine.windows import Box
+from photonormal.methods.inputs import grey
+from photonormal.methods.inputs.grey import telling
 from photonormal.methods.learned.attentionpsn import AttentionPSNConfig, AttentionPSNNet
 from photonormal.methods.learned.cnnps import CNNPSConfig, CNNPSNet
 from photonormal.methods.learned.drpsn import DRPSNConfig, DRPSNNet
@@ -106,6 +110,19 @@ def test_a_first_look_at_some_rows_at_a_time_agrees_with_one_at_all(monkeypatch)
         with monkeypatch.context() as m:
             m.setattr(plan, "LEVELS", 4 * 1000)  # fourteen rows
             assert apart_deg(whole, measure(network(kind), capture, CPU, prior="woodham")) < 0.05
+
+
+@pytest.mark.parametrize("among", [2**24, 9000])
+def test_the_prior_is_the_same_to_the_last_bit_however_many_rows_are_read_at_a_time(among, monkeypatch):
+    capture, _ = sphere(n=6)
+    monkeypatch.setattr(grey, "READ", 5000)
+    monkeypatch.setattr(grey, "AMONG", among)
+    box = Box.of(capture, 8)
+    whole = first_look("grey", capture, box, CPU, Trimmed())
+    monkeypatch.setattr(plan, "LEVELS", 6 * 1000)
+    some = first_look("grey", capture, box, CPU, Trimmed())
+    assert torch.equal(some.prior, whole.prior) and torch.equal(some.moments, whole.moments)
+    assert telling(capture.mask, 6).any(1).sum() < capture.mask.any(1).sum() or among > 9000
 
 
 @pytest.mark.parametrize("kind", KINDS)

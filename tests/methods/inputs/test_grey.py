@@ -9,7 +9,7 @@ from photonormal.geometry import fibonacci_hemisphere
 from photonormal.methods.engine.samples import grey_levels
 from photonormal.methods.inputs import grey
 from photonormal.methods.inputs.blocks import some_pixels
-from photonormal.methods.inputs.grey import Levels, level, lit, metallic
+from photonormal.methods.inputs.grey import Levels, level, lit, metallic, telling
 
 LIGHTS = fibonacci_hemisphere(24)[:8]
 
@@ -78,6 +78,19 @@ def test_the_order_of_images_changes_no_level_of_a_large_capture(monkeypatch):
     monkeypatch.setattr(grey, "READ", 100)
     I = torch.rand(500, 8) * torch.arange(8)
     assert level(I, 0.9) == level(I.flip(-1), 0.9)
+
+
+def test_few_rows_of_a_large_capture_tell_its_levels(monkeypatch):
+    monkeypatch.setattr(grey, "READ", 4000)
+    monkeypatch.setattr(grey, "AMONG", 20_000)
+    y, x = np.mgrid[-1:1:200j, -1:1:100j]
+    mask = x**2 + y**2 < 0.9
+    I = torch.from_numpy(np.maximum(x + 0.5 * y, 0)[..., None] * np.linspace(0.5, 1, 8)).float()
+    some = telling(mask, 8)
+    assert not (some & ~mask).any() and 4000 <= 8 * some.sum() < 8000
+    assert 30 < some.any(1).sum() < 45 and telling(mask, 1).any(1).sum() > 180
+    for quantile in (0.75, 0.99):
+        assert level(I[some], quantile).item() == pytest.approx(I[mask].quantile(quantile).item(), rel=0.02)
 
 
 def test_some_pixels_are_the_same_each_time():

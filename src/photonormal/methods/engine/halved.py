@@ -21,10 +21,12 @@ from photonormal.methods.contract import Solution, Streaming
 from photonormal.methods.engine.prior import first_look, prior_named
 from photonormal.methods.engine.stream import measured
 from photonormal.methods.engine.windows import Box
+from photonormal.methods.inputs.grey import grey
+from photonormal.methods.learned.layers import unit
 from photonormal.types import Capture, Image, LightsAt
 
 # the network's at half the resolution: pixels there mix what few lights reach with what many do
-PRIOR = "l1:steps=12"  # more of them change no mean error of a real object by more than 0.003 degrees
+PRIOR = "l1:steps=8"  # twelve change no mean error of a real object by more than 0.013 degrees
 BENT_DEG = 12.0  # by which normals are bent where their detail counts for 1 / e
 SHARE = 8  # halved pictures are kept where this part of the memory holds them; else made again for each look
 ROWS = 256  # of half the resolution, carried at a time
@@ -34,7 +36,7 @@ def halved(method: Streaming, capture: Capture, device: torch.device) -> Solutio
     """What a method's network tells at half the resolution, carried to the full one."""
     net, box = method.network(), Box.of(capture, 2)
     look = first_look(net.scaling, capture, box, device, prior_named(method.prior or net.config.prior))
-    small = half_of(capture, box)
+    small = half_of(capture, box, in_grey=net.scaling == "grey")
     found = measured(net, small, device, method.rotations, prior=method.prior or PRIOR, passes=method.passes)
     told = found.normals.new_ones(len(found.normals), 1) if found.told_deg is None else found.told_deg[:, None]
     coarse = torch.zeros(4, *small.mask.shape)
@@ -45,10 +47,10 @@ def halved(method: Streaming, capture: Capture, device: torch.device) -> Solutio
     return Solution(values[:, :3].clone(), None if found.told_deg is None else values[:, 3].clone())
 
 
-def half_of(capture: Capture, box: Box) -> Capture:
-    """The box of a capture at half the resolution: means over the pixels on the mask, two by two."""
+def half_of(capture: Capture, box: Box, in_grey: bool = False) -> Capture:
+    """The box of a capture at half the resolution: means over the pixels on the mask, or of grey levels, two by two."""
     inside = _by_two(box.mask)  # (i, 2, j, 2)
-    images = Halved(capture, box)
+    images = Halved(capture, box, in_grey)
     if SHARE * 4 * math.prod(images.shape) <= memory.allowed():
         images = np.stack(capture.each_image(images.__getitem__))
     lights_at = capture.lights_at
@@ -79,12 +81,12 @@ class Some:
 
 
 class Halved:
-    """Pictures of a box at half the resolution (`photonormal.types.Images`); zero outside the mask."""
+    """Pictures of a box at half the resolution (`photonormal.types.Images`), or grey ones; zero outside the mask."""
 
-    def __init__(self, capture: Capture, box: Box) -> None:
-        self.capture, self.box = capture, box
+    def __init__(self, capture: Capture, box: Box, in_grey: bool = False) -> None:
+        self.capture, self.box, self.in_grey = capture, box, in_grey
         (n, _, _, c), (h, w) = capture.images.shape, box.mask.shape
-        self.shape = (n, h // 2, w // 2, c)
+        self.shape = (n, h // 2, w // 2, 1 if in_grey else c)
         self.share = _mean(box.mask.float()[None])[0].clamp(min=0.25)  # (i, j) of the pixels, on the mask
 
     def __getitem__(self, j: int, /) -> Image:
@@ -94,7 +96,8 @@ class Halved:
         """A part of one picture."""
         (top, bottom, _), (left, right, _) = rows.indices(self.shape[1]), columns.indices(self.shape[2])
         seen = slice(2 * top, 2 * bottom), slice(2 * left, 2 * right)
-        part = self.box.read(self.capture, j, seen)[0, 0].mul_(self.box.mask[seen])  # (c, h, w)
+        part = self.box.read(self.capture, j, seen)
+        part = (grey(part) if self.in_grey else part)[0, 0].mul_(self.box.mask[seen])  # (c, h, w)
         return _mean(part).div_(self.share[rows, columns]).permute(1, 2, 0).numpy()
 
 
@@ -106,7 +109,7 @@ def carried(
     Detail is what `fine` differs by from itself at half the resolution. What is zero is not known.
     """
     small = _by_two(mask).any(3).any(1)  # (i, j)
-    means = F.normalize(_mean(fine), dim=0)
+    means = unit(_mean(fine), axis=0)
     both = torch.cat([coarse, means]) * small
     found = torch.empty(len(coarse), *mask.shape)
     for top in range(0, len(small), ROWS):
@@ -115,10 +118,10 @@ def carried(
         at = slice(2 * (top - around.start), 2 * (bottom - around.start))
         here = _doubled(both[:, around], small[around])[:, at]
         rows = slice(2 * top, 2 * bottom)
-        N, C, detail = F.normalize(here[:3], dim=0), F.normalize(here[-3:], dim=0), fine[:, rows]
-        bent_deg = torch.rad2deg(torch.atan2(torch.linalg.cross(N, C, dim=0).norm(dim=0), (N * C).sum(0)))
-        counts = torch.exp(-bent_deg / BENT_DEG) * (detail.norm(dim=0) > 0.5) * (here[-3:].norm(dim=0) > 0)
-        found[:3, rows] = F.normalize(N + counts * (detail - C), dim=0)
+        N, C, detail = unit(here[:3], axis=0), unit(here[-3:], axis=0), fine[:, rows]
+        bent_deg = torch.rad2deg(2 * torch.asin((N - C).square().sum(0).sqrt().div(2).clamp(max=1)))
+        counts = torch.exp(-bent_deg / BENT_DEG) * detail.any(0) * here[-3:].any(0)
+        found[:3, rows] = unit(N + counts * (detail - C), axis=0)
         found[3:, rows] = here[3:-3]
     return found
 

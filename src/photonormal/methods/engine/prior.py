@@ -8,11 +8,12 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.masked import row_bands
 from photonormal.methods.contract import Prior
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.windows import Box
-from photonormal.methods.inputs.grey import READ, darkest, grey
+from photonormal.methods.inputs.grey import darkest, grey, telling
 from photonormal.methods.inputs.scaling import moment
 from photonormal.progress import progress
 from photonormal.types import Capture, InputError
@@ -57,10 +58,11 @@ def first_look(
     h, w = box.mask.shape
     N = torch.zeros(3, h, w, device=device)
     lit = torch.zeros(h, w, dtype=torch.bool, device=device)
-    moments: list[Tensor] = []
+    moments = torch.zeros(1, 1, 1, 1, device=device)
     parts = _rows(box, plan.pixels(capture))
     asked = rows or slice(0, h)
-    dark = None if prior is None or len(parts) == 1 else _darkest(capture, box, parts, device)
+    some = torch.from_numpy(telling(box.mask.numpy(), n))
+    dark = None if prior is None or len(parts) == 1 else float(darkest(_shown(capture, box, some)))
     with progress("a first look", len(parts) * n) as advance:
         for rows in parts:
             start = prior if rows.start < asked.stop and asked.start < rows.stop else None
@@ -72,38 +74,33 @@ def first_look(
             for j, images in frames(capture, box, seen, device):
                 level = grey(images)[0, 0, 0]
                 lit[seen] |= level > 0
-                here = moment(scaling, images, mask[None, None])
+                here = moment(scaling, level[None, None, None] if scaling == "grey" else images, mask[None, None])
                 found = here if found is None else found.add_(here)
                 if start:
                     I[:, j] = level.flatten()[inside]
                 advance()
             assert found is not None
-            share = mask.sum() / box.mask.sum().to(device)
-            moments.append((found * share).nan_to_num(0) if found.numel() == 1 else found)
+            if found.numel() == 1:
+                moments += (found * (mask.sum() / box.mask.sum().to(device))).nan_to_num(0)
+            else:
+                moments = moments.new_empty(*found.shape[:2], h, w) if moments.numel() == 1 else moments
+                moments[:, :, *seen] = found
             if start:
-                level = float(darkest(I)) if dark is None else dark
-                N[:, *seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, level)
+                dark = float(darkest(I[some[box.mask].to(device)])) if dark is None else dark
+                N[:, *seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, dark)
     if not (lit & box.mask.to(device)).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
-    N /= N.norm(dim=0, keepdim=True).clamp(min=1e-12)
-    known = torch.stack(moments).sum(0) if moments[0].numel() == 1 else torch.cat(moments, dim=2)
-    return FirstLook(N, known, lit)
+    return FirstLook(N, moments, lit)
 
 
-def _darkest(capture: Capture, box: Box, parts: list[slice], device: torch.device) -> float:
-    """The level of the whole capture below which samples are in shadow, as evenly spaced pixels tell it."""
-    n, w = capture.images.shape[0], box.mask.shape[1]
-    step, first = max(1, box.count((slice(None), slice(None))) * n // READ), 0
-    samples = []
-    for rows in parts:
-        inside = box.mask[rows].flatten().nonzero()[:, 0]
-        some = inside[-first % step :: step].to(device)
-        first += len(inside)
-        I = torch.empty(len(some), n, device=device)
-        for j, images in frames(capture, box, (rows, slice(0, w)), device):
-            I[:, j] = grey(images).flatten()[some]
-        samples.append(I)
-    return float(darkest(torch.cat(samples)))
+def _shown(capture: Capture, box: Box, some: Bool[Tensor, "h w"]) -> Float[Tensor, "q n"]:
+    """Grey levels of some pixels of the box."""
+    spans, columns = row_bands(some.numpy()), slice(0, some.shape[1])
+
+    def levels(j: int) -> Float[Tensor, " q"]:
+        return torch.cat([grey(box.read(capture, j, (rows, columns)))[0, 0, 0][some[rows]] for rows in spans])
+
+    return torch.stack(capture.each_image(levels), dim=1)
 
 
 def _normals(

@@ -8,15 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.masked import numbered, row_bands
+from photonormal.masked import row_bands
 from photonormal.methods.contract import Observations, Solution, Solver
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
-from photonormal.methods.inputs.grey import READ, Levels, grey_samples, metallic
+from photonormal.methods.inputs.grey import Levels, grey_samples, metallic, telling
 from photonormal.progress import progress
 from photonormal.types import Capture, box_of
 
@@ -76,42 +76,43 @@ def bands(capture: Capture, L: Float[Tensor, "n 3"] | None, within: slice = slic
     mask = np.zeros_like(capture.mask)
     mask[within] = capture.mask[within]
     rows, first = row_bands(mask, plan.pixels(capture)), int(capture.mask[: within.start or 0].sum())
-    I = grey_levels(capture, rows[0])
-    step = max(1, int(capture.mask.sum()) * I.shape[1] // READ)
-    some = I[::step].clone() if len(I) == capture.mask.sum() else grey_levels(capture, step=step)
-    levels = Levels.of(some)
-    cut = levels.cut_(some)
+    I = grey_levels(capture, within=rows[0])
+    some = telling(capture.mask, I.shape[1])
+    pixels = np.flatnonzero(some[capture.mask])
+    told = I[pixels] if len(I) == capture.mask.sum() else grey_levels(capture, some)
+    levels = Levels.of(told)
+    cut = levels.cut_(told)
 
     @cache
     def is_metallic() -> bool:
-        lights = lights_at(capture, slice(None, None, step), torch.device("cpu")) if L is None else L
+        lights = lights_at(capture, pixels, torch.device("cpu")) if L is None else L
         return metallic(cut, levels.lit(cut), lights)
 
     for k, span in enumerate(rows):
         if k:
             del I  # before the next is read
-            I = grey_levels(capture, span)
+            I = grey_levels(capture, within=span)
         yield Band(I, first, levels, is_metallic)
         first += len(I)
 
 
-def grey_levels(capture: Capture, rows: slice | None = None, step: int = 1) -> Float[Tensor, "p n"]:
-    """Grey level of each mask pixel, in some rows, in each image; float32 on the processor, not cut.
+def grey_levels(
+    capture: Capture, some: Bool[np.ndarray, "h w"] | None = None, within: slice = slice(None)
+) -> Float[Tensor, "p n"]:
+    """Grey level of each mask pixel, or of `some` of them, in each image; float32 on the processor, not cut.
 
-    `step`: of every so many pixels only.
+    `within`: in these rows only.
     """
-    box = box_of(capture.mask)
-    rows = box[0] if rows is None else rows
-    mask = np.zeros_like(capture.mask)
-    mask[rows] = capture.mask[rows]
-    spans = list(numbered(mask))  # a window of a whole frame would be large
-    some = [np.flatnonzero(mask[span, box[1]])[-pixels.start % step :: step].copy() for span, pixels in spans]
-    I = np.empty((sum(map(len, some)), capture.images.shape[0]), np.float32)
+    mask, columns = np.zeros_like(capture.mask), box_of(capture.mask)[1]
+    mask[within] = (capture.mask if some is None else some)[within]
+    spans = row_bands(mask)  # a window of a whole frame would be large
+    pixels = [np.flatnonzero(mask[span, columns]) for span in spans]
+    I = np.empty((sum(map(len, pixels)), capture.images.shape[0]), np.float32)
 
     def read(j: int) -> None:
         first = 0
-        for (span, _), inside in zip(spans, some, strict=True):
-            image = capture.window(j, span, box[1])
+        for span, inside in zip(spans, pixels, strict=True):
+            image = capture.window(j, span, columns)
             I[first : first + len(inside), j] = grey_samples(image.reshape(-1, image.shape[2]).take(inside, axis=0))
             first += len(inside)
 

@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from photonormal.methods.learned.layers import unit
+
 
 def turned(v: Tensor, quarters: int, axis: int) -> Tensor:
     """Vectors along `axis` turned about the view axis, counter-clockwise by quarter turns; from z on all stays."""
@@ -34,4 +36,4 @@ def mean(told: Iterable[Float[Tensor, "1 d h w"]]) -> Float[Tensor, "1 d h w"]:
     total, turns = torch.zeros(()), 0
     for one in told:
         total, turns = total + one, turns + 1
-    return torch.cat([torch.nn.functional.normalize(total[:, :3], dim=1), total[:, 3:] / turns], dim=1)
+    return torch.cat([unit(total[:, :3]), total[:, 3:] / turns], dim=1)

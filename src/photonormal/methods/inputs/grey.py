@@ -15,6 +15,7 @@ from photonormal.shading import LUMA, cosines, over_lights
 SHADOW = {0.99: 0.02, 0.75: 0.06}  # quantile of all samples: fraction of it below which a sample may be in shadow
 METALLIC = 0.6, 0.4  # of a matt pixel's median over 90 % quantile; share of pixels below it that makes a metal object
 READ = 2**20  # samples that suffice to find a quantile
+AMONG = 2**24  # samples of the rows that they are taken from: of larger captures not all rows are read
 
 
 def grey(images: Float[Tensor, "b k c h w"]) -> Float[Tensor, "b k 1 h w"]:
@@ -31,6 +32,18 @@ def grey_samples(samples: Float[np.ndarray, "p c"]) -> Float[np.ndarray, " p"]:
     weights = np.asarray(LUMA if samples.shape[1] == 3 else (1.0,), np.float32)
     found = cv2.transform(samples[:, None], weights[None])[:, 0]  # a product with `@` would start threads of its own
     return found if np.isfinite(found).all() else np.nan_to_num(found, nan=0, posinf=0, neginf=0)
+
+
+def telling(mask: Bool[np.ndarray, "h w"], n: int) -> Bool[np.ndarray, "h w"]:
+    """Evenly spaced pixels of a mask, which tell the levels of n images: on some rows where a capture is large."""
+    lines = np.flatnonzero(mask.any(1))
+    step = max(1, min(int(mask.sum()) * n // AMONG, len(lines)))
+    found = np.zeros_like(mask)
+    found[lines[step // 2 :: step]] = mask[lines[step // 2 :: step]]
+    inside = np.flatnonzero(found)
+    step = max(1, len(inside) * n // READ)
+    found.flat[np.delete(inside, slice(None, None, step))] = False
+    return found
 
 
 @dataclass(frozen=True)

@@ -60,6 +60,10 @@ def kaiming(network: nn.Module) -> None:
             module.second.weight.data.mul_(BEGIN)
 
 
-def unit(x: Float[Tensor, "b 3 *hw"]) -> Float[Tensor, "b 3 *hw"]:
-    """Unit length over the channels, in float32; the L2 layer that ends every network."""
-    return F.normalize(x.float(), dim=1)
+def unit(x: Float[Tensor, "*maps"], axis: int = 1) -> Float[Tensor, "*maps"]:
+    """Unit length over an axis, in float32; the L2 layer that ends every network. Zero stays zero.
+
+    As torch's own `normalize`, which takes eighty times as long where the axis is not the last in memory.
+    """
+    x = x.float()
+    return x / x.square().sum(axis, keepdim=True).clamp(min=1e-24).sqrt()

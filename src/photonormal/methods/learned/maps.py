@@ -13,6 +13,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from photonormal.methods.inputs.maps import about_view, brightest_one, observation_maps
+from photonormal.methods.learned.layers import unit
 from photonormal.methods.learned.method import Weighted
 from photonormal.methods.learned.network import Network, PixelNetwork, Step, at_pixels
 from photonormal.methods.learned.pooling import Pooled
@@ -67,7 +68,7 @@ class MapNetwork(PixelNetwork):
         N, made = [], []
         for maps in brightest_one(pooled.maximum.flatten(0, 3)).split(MAPS):
             x = self.read(maps)
-            N.append(F.normalize(self.net(x).float(), dim=1))
+            N.append(unit(self.net(x)))
             made.append(x[:, 1:].flatten(1))
         angles = torch.tensor(self.angles(), device=pooled.maximum.device)
         mean = about_view(torch.cat(N).unflatten(0, size), -angles).mean(3)
@@ -82,7 +83,7 @@ class MapNetwork(PixelNetwork):
         return {"mean": digested[..., :3].permute(0, 3, 1, 2)}
 
     def steps(self, n: int) -> list[Step]:
-        return [Step("told", ("mean",), lambda N: F.normalize(N, dim=1))]
+        return [Step("told", ("mean",), unit)]
 
 
 @dataclass(frozen=True)

@@ -15,11 +15,10 @@ from typing import Any, ClassVar
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
-from torch.nn import functional as F
 
 from photonormal.methods.learned.around import Coarse, Level, Refine, begun, joined, starting_at
 from photonormal.methods.learned.frame import Encoder, Frame, Shared, shading, tokens
-from photonormal.methods.learned.layers import SLOPE, Block, conv
+from photonormal.methods.learned.layers import SLOPE, Block, conv, unit
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
@@ -180,9 +179,9 @@ class NormalNet(PixelNetwork):
         x = self.level(x)
         correction = self.correction(x).float()
         n_x, n_y, n_z = (known[:, 2:] + correction).unbind(1)
-        N = F.normalize(torch.stack([*frame.in_picture(n_x, n_y), n_z], dim=1), dim=1)
+        N = unit(torch.stack([*frame.in_picture(n_x, n_y), n_z], dim=1))
         if self.config.compass:
-            N = F.normalize(N + self.polish(torch.cat([x, N.to(x.dtype)], dim=1)).float(), dim=1)
+            N = unit(N + self.polish(torch.cat([x, N.to(x.dtype)], dim=1)).float())
         if self.config.memory:
             N = torch.cat([N, self.remember(x).float()], dim=1)
         if not self.config.expected:

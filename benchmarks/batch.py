@@ -1,31 +1,46 @@
 """What a batch costs beside its measurements: python benchmarks/batch.py [--captures 200] [--method woodham].
 
-Small captures of 12 images, 48 x 48 to 128 x 128 pixels. Told are: the seconds of the same measurements one after the
-other in one warm process; the batch over them, and the time that it needs more than those seconds divided by its
-processes; the memory of its processes, at their first captures and their last; and two local Dask workers against one.
-`--parts large` measures one large capture by two workers, each some rows, and by one. All workers have one thread.
+Small captures of 12 images, 48 x 48 to 128 x 128 pixels; all processes have one thread. A measurement is from files to
+files, as `photonormal measure` does it in a process that has loaded everything.
+
+one     the measurements one after the other in one process that is warm: its loading and a first capture don't count
+apart   the same, shared by as many such processes as the batch has, at the same time: what they take from each other
+        (memory, disk, clock of the processor) is in here, and nothing of a batch. The slowest, over the seconds of one
+        process divided by the processes, is what a batch can reach at best
+batch   the command, from its start to its end: loading, looking for captures, measurements and pages, summaries.
+        The issue's figure is this over the seconds of `one` divided by the processes. Beside it: from the first
+        result to the last, and the peak memory of the processes, at their first captures and their last
+dask    two local workers against one, from the first result to the last
+large   one large capture by two workers, each some rows, against one
+
+Seconds are of the clock; "processor" is what the processes that measure have used of it, which other programs don't
+change much.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import multiprocessing
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from large import SCENES, frame, render
 
+from photonormal.batch.work import use_threads
 from photonormal.export import load_normals
 from photonormal.job import Job, carry_out
 from photonormal.types import cores
 
+LONGEST_S = 3600  # that anything here takes
 COMMAND = [sys.executable, "-m", "photonormal"]
 
 
@@ -48,24 +63,78 @@ def write_capture(folder: Path, size: int, seed: int) -> None:
     cv2.imwrite(str(folder / "mask.png"), 255 * mask.astype(np.uint8))
 
 
-def run(season: Path, out: Path, *words: str) -> tuple[float, float, list[dict]]:
-    """The command's seconds, those from its first capture to its last, and what it told of each."""
+class Spent(NamedTuple):
+    """Seconds of some processes that measured: of the slowest by the clock, of all together by the processor."""
+
+    clock: float
+    processor: float
+
+
+def apart(season: Path, out: Path, method: str, processes: int) -> Spent:
+    """The measurements of a season, shared by some warm processes."""
+    names, context = sorted(p.name for p in season.iterdir()), multiprocessing.get_context("spawn")
+    ready, spent = context.Barrier(processes), context.Queue()
+    bounds = [len(names) * k // processes for k in range(processes + 1)]
+    for first, end in pairwise(bounds):
+        work = (season, out, method, names[first:end], ready, spent)
+        context.Process(target=_measure, args=work, daemon=True).start()
+    found = [spent.get(timeout=LONGEST_S) for _ in range(processes)]
+    return Spent(max(s.clock for s in found), sum(s.processor for s in found))
+
+
+def _measure(season: Path, out: Path, method: str, names: list[str], ready: Any, spent: Any) -> None:
+    """What one of them does."""
+    use_threads(1)
+    carry_out(Job(season / names[0], out / f"warm-{names[0]}", method=method))
+    ready.wait(LONGEST_S)
+    clock, processor = time.monotonic(), time.process_time()
+    for name in names:
+        carry_out(Job(season / name, out / name, method=method))
+    spent.put(Spent(time.monotonic() - clock, time.process_time() - processor))
+
+
+class Run(NamedTuple):
+    """Seconds of a command from its start to its end, to its first result and from there to its last; the processor's
+    of the processes that measured; and what it told of each capture."""
+
+    whole: float
+    first: float
+    between: float
+    processor: float
+    done: list[dict]
+
+
+def run(season: Path, out: Path, *words: str) -> Run:
+    """The command over a season."""
     start = time.monotonic()
     command = [*COMMAND, "batch", str(season / "*"), "--out", str(out), "--json-lines", *words]
-    events, begun, ended = [], 0.0, 0.0
+    done: list[dict] = []
     at: dict[str, float] = {}  # when a capture was begun
+    used: dict[str, float] = {}  # by each process
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         for line in process.stdout:
-            events.append(json.loads(line))
-            if events[-1]["event"] == "begun":
-                at[events[-1]["capture"]] = time.monotonic()
-            if events[-1]["event"] == "done":
-                events[-1]["elapsed"] = time.monotonic() - at[events[-1]["capture"]]
-            ended = time.monotonic() if events[-1]["event"] == "done" else ended
-            begun = begun or (time.monotonic() if events[-1]["event"] == "done" else 0.0)
-    assert process.returncode == 0, events[-1]
-    return time.monotonic() - start, ended - begun, [e for e in events if e["event"] == "done"]
+            event, now = json.loads(line), time.monotonic()
+            if event["event"] == "begun":
+                at[event["capture"]] = now
+                used[event["where"]] = _processor(event["where"])
+            if event["event"] == "done":
+                done.append(event | {"at": now, "elapsed": now - at[event["capture"]]})
+                used = {where: _processor(where) or before for where, before in used.items()}
+    assert process.returncode == 0
+    first, last = done[0]["at"], done[-1]["at"]
+    return Run(time.monotonic() - start, first - start, last - first, sum(used.values()), done)
+
+
+def _processor(where: str) -> float:
+    """Seconds of the processor that a process has used; 0 where it has ended, or is a cluster's."""
+    import psutil
+
+    kind, _, number = where.partition(" ")
+    try:
+        return sum(psutil.Process(int(number)).cpu_times()[:2]) if kind == "process" else 0.0
+    except psutil.NoSuchProcess:
+        return 0.0
 
 
 def main() -> None:
@@ -74,7 +143,10 @@ def main() -> None:
     parser.add_argument("--method", default="woodham")
     parser.add_argument("--jobs", type=int, default=cores())
     parser.add_argument(
-        "--parts", nargs="*", default=["one", "batch", "dask"], choices=["one", "batch", "dask", "large"]
+        "--parts",
+        nargs="*",
+        default=["one", "apart", "batch", "dask"],
+        choices=["one", "apart", "batch", "dask", "large"],
     )
     parser.add_argument("--megapixels", type=float, default=24, help="of the large capture")
     parser.add_argument("--images", type=int, default=6, help="of it")
@@ -86,40 +158,54 @@ def main() -> None:
         season, n = Path(place) / "season", given.captures
         for k in range(n):
             write_capture(season / f"{k:03d}", 48 + 16 * (k % 6), k)
-        names, method = sorted(p.name for p in season.iterdir()), ("--method", given.method)
-        single = 0.0
+        method, single = ("--method", given.method), None
         if "one" in given.parts:
-            carry_out(Job(season / names[0], Path(place) / "warm", method=given.method))
-            start = time.monotonic()
-            for name in names:
-                carry_out(Job(season / name, Path(place) / "one" / name, method=given.method))
-            single = time.monotonic() - start
-            print(f"{n} measurements in one warm process: {single:.1f} s, {1000 * single / n:.0f} ms each", flush=True)
-        if "batch" in given.parts:
-            out = Path(place) / "batch"
-            whole, between, done = run(season, out, *method, "--jobs", str(given.jobs))
-            memory = [json.loads((out / e["capture"] / "report.json").read_text())["peak_memory_mb"] for e in done]
-            tenth = max(1, n // 10)
-            first, last = np.median(memory[tenth : 2 * tenth]), np.median(memory[-tenth:])
-            print(f"batch of {given.jobs} processes: {whole:.1f} s, {between:.1f} s from its first result to its last")
+            single = apart(season, Path(place) / "one", given.method, 1)
+            tell(f"{n} measurements in one warm process", single, n)
+        if "apart" in given.parts:
+            floor = apart(season, Path(place) / "apart", given.method, given.jobs)
+            tell(f"shared by {given.jobs} warm processes at the same time", floor, n)
             if single:
-                share = single / given.jobs
-                print(f"  {whole / share:.2f} times, {between / share:.2f} times the single ones over the processes")
-                print(f"  {1000 * (whole - share) / n:.0f} ms more for each capture, loading included")
-            print(f"  peak memory: {first:.0f} MB in the second tenth, {last:.0f} MB in the last", flush=True)
-            again = time.monotonic()
-            run_again = subprocess.run([*COMMAND, "batch", str(season / "*"), "--out", str(out), *method], check=False)
-            print(f"  run again, with nothing to do: {time.monotonic() - again:.1f} s, code {run_again.returncode}")
+                print(f"  {floor.clock * given.jobs / single.clock:.2f} times those of one over the processes")
+        if "batch" in given.parts:
+            batch(season, Path(place) / "batch", given, single)
         if "dask" in given.parts:
             spans = {}
             for workers in (1, 2):
                 with scheduler(workers) as client:
                     out = Path(place) / f"dask-{workers}"
-                    whole, spans[workers], _ = run(season, out, *method, "--scheduler", client.scheduler.address)
-                print(f"{workers} Dask workers: {whole:.1f} s, {spans[workers]:.1f} s from first to last", flush=True)
-            print(f"  two against one: {spans[1] / spans[2]:.2f} times, from the first result to the last")
+                    spent = run(season, out, *method, "--scheduler", client.scheduler.address)
+                spans[workers] = spent.between
+                print(f"{workers} Dask workers: {spent.between:.1f} s from the first result to the last", flush=True)
+            print(f"  two against one: {spans[1] / spans[2]:.2f} times")
         if "large" in given.parts:
             large(Path(place), given)
+
+
+def tell(what: str, spent: Spent, captures: int) -> None:
+    """A line of the table."""
+    clock, processor = (1000 * seconds / captures for seconds in spent)
+    print(f"{what}: {spent.clock:.1f} s; a capture {clock:.0f} ms, processor {processor:.0f} ms", flush=True)
+
+
+def batch(season: Path, out: Path, given: argparse.Namespace, single: Spent | None) -> None:
+    """The command over the season, and once more with nothing to do."""
+    n, words = given.captures, ("--method", given.method)
+    spent = run(season, out, *words, "--jobs", str(given.jobs))
+    tell(f"batch of {given.jobs} processes", Spent(spent.whole, spent.processor), n)
+    print(f"  first result after {spent.first:.1f} s, the last {spent.between:.1f} s later")
+    if single:
+        share = single.clock / given.jobs
+        print(f"  {spent.whole / share:.2f} times the seconds of one process over the processes,", end="")
+        print(f" {spent.between / share:.2f} times from the first result to the last")
+        print(f"  {1000 * (spent.whole - share) / n:.0f} ms more for each capture, loading included")
+    reports = [json.loads((out / e["capture"] / "report.json").read_text()) for e in spent.done]
+    memory, tenth = [told["peak_memory_mb"] for told in reports], max(1, n // 10)
+    first, last = np.median(memory[tenth : 2 * tenth]), np.median(memory[-tenth:])
+    print(f"  peak memory: {first:.0f} MB in the second tenth, {last:.0f} MB in the last", flush=True)
+    start = time.monotonic()
+    again = subprocess.run([*COMMAND, "batch", str(season / "*"), "--out", str(out), *words], check=False)
+    print(f"  run again, with nothing to do: {time.monotonic() - start:.1f} s, code {again.returncode}")
 
 
 @contextmanager
@@ -149,7 +235,7 @@ def large(place: Path, given: argparse.Namespace) -> None:
         words = ("--method", given.large_method, "--split-megapixels", "1", *given.words)
         with scheduler(workers) as client:
             before = client.run(time.process_time)
-            _, _, (done,) = run(place / "large", out, *words, "--scheduler", client.scheduler.address)
+            (done,) = run(place / "large", out, *words, "--scheduler", client.scheduler.address).done
             seconds[workers] = done["elapsed"]
             processor[workers] = max(used - before[who] for who, used in client.run(time.process_time).items())
         normals[workers] = load_normals(out / "one").map

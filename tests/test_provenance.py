@@ -1,11 +1,15 @@
 """What a result depends on: the code that a method runs through, and the files that were read."""
 
+import hashlib
 import shutil
 
+import pytest
+
 from photonormal import provenance
-from photonormal.files.opening import noted, read_bytes
+from photonormal.files.opening import noted, open_file, read_bytes
 from photonormal.methods.learned import weights
 from photonormal.provenance import change, changed, inputs, made_by
+from photonormal.types import InputError
 
 
 def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
@@ -56,6 +60,40 @@ def test_what_was_read_is_told_from_what_has_changed(tmp_path):
     assert changed(tmp_path, before) == "a.txt has changed"
     (tmp_path / "a.txt").unlink()
     assert changed(tmp_path, before) == "a.txt is gone"
+
+
+def test_what_was_read_whole_is_not_read_again(tmp_path, monkeypatch):
+    (tmp_path / "whole.png").write_bytes(bytes(range(256)) * 400)
+    (tmp_path / "begun.png").write_bytes(b"0" * 100_000)
+    again = []
+    with noted() as opened:
+        with open_file(tmp_path / "whole.png") as file:
+            file.read(10)
+        with open_file(tmp_path / "whole.png") as file:
+            assert file.read(64) == bytes(range(64))  # as a header is
+            file.seek(0)
+            assert len(file.read()) == 102_400
+        with open_file(tmp_path / "begun.png") as file:
+            file.read(10)
+        monkeypatch.setattr(provenance, "open_file", lambda path: again.append(path.name) or open_file(path))
+        told = inputs(tmp_path, opened)["files"]
+    assert again == ["begun.png"]
+    for name in ("whole.png", "begun.png"):
+        assert told[name]["sha256"] == hashlib.sha256((tmp_path / name).read_bytes()).hexdigest()
+
+
+def test_what_goes_or_grows_while_it_is_read_is_refused(tmp_path):
+    for name in ("a.png", "b.png"):
+        (tmp_path / name).write_bytes(b"abc")
+    with noted() as opened:
+        read_bytes(tmp_path / "a.png", "a picture")
+        read_bytes(tmp_path / "b.png", "a picture")
+    (tmp_path / "b.png").write_bytes(b"abcd")
+    with pytest.raises(InputError, match=r"b.png has changed while it was read"):
+        inputs(tmp_path, opened)
+    (tmp_path / "a.png").unlink()
+    with pytest.raises(InputError, match=r"a.png is gone; it was there"):
+        inputs(tmp_path, opened)
 
 
 def test_the_network_that_tells_lights_counts_where_they_are_unknown(monkeypatch, tmp_path):

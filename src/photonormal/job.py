@@ -17,7 +17,7 @@ from photonormal.capture import UNKNOWN, files_read, lights_from, load, place_of
 from photonormal.export.folder import whole_folder
 from photonormal.export.mesh import FACES
 from photonormal.export.result import write_result
-from photonormal.files.opening import Stamp, noted
+from photonormal.files.opening import Opened, noted
 from photonormal.measurement import measure, read_camera
 from photonormal.methods import DEFAULT, configure, parse
 from photonormal.options import Frame, LightsFrom, Precision
@@ -102,7 +102,7 @@ class Job:
         files = {k: str(v if v == UNKNOWN else v.resolve()) for k, v in given.items() if isinstance(v, Path)}
         return dict(sorted((given | files).items()))
 
-    def provenance(self, read: Mapping[Path, Stamp]) -> dict[str, Any]:
+    def provenance(self, read: Mapping[Path, Opened]) -> dict[str, Any]:
         """All that its result depends on; `read` are the files that were opened."""
         return {"made": self.made(), "asked": self.asked(), "inputs": inputs(place_of(self.capture), read)}
 
@@ -125,7 +125,7 @@ class Part:
     """
 
     solution: Solution
-    read: dict[Path, Stamp]
+    read: dict[Path, Opened]
     seconds: float
 
 
@@ -170,7 +170,7 @@ def solve_part(job: Job, rows: slice) -> Part:
 
 def carry_out(
     job: Job,
-    read: dict[Path, Stamp] | None = None,
+    read: dict[Path, Opened] | None = None,
     parts: Sequence[Part] = (),
     beside: Callable[[Result], Mapping[str, bytes]] = lambda result: {},
 ) -> dict[str, Any]:
@@ -244,7 +244,7 @@ class Calibrated:
     notes: list[str] = field(default_factory=list)
 
 
-def _read(job: Job, opened: dict[Path, Stamp]) -> tuple[Capture, dict[str, Any], Calibrated]:
+def _read(job: Job, opened: dict[Path, Opened]) -> tuple[Capture, dict[str, Any], Calibrated]:
     """The capture under the lights that a sphere shows, or else its own; how it was read; what was calibrated."""
     reading = _reading(job)
     if not job.sphere:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import photonormal
-from photonormal.files.opening import Stamp, open_file
+from photonormal.files.opening import Opened, Stamp, open_file
 from photonormal.methods import configure, options_of
 from photonormal.options import LightsFrom
 from photonormal.stored import Word
@@ -109,21 +109,27 @@ def change(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str]
     return None
 
 
-def inputs(capture: Path, read: Mapping[Path, Stamp]) -> Inputs:
-    """What was read of a capture, by the files that were opened and what they were then.
+def inputs(capture: Path, read: Mapping[Path, Opened]) -> Inputs:
+    """What was read of a capture, by the files that were opened. Only what was not read to its end is read now.
 
     Raises
     ------
     InputError
-        If one of them has changed since.
+        If one of them has changed since, or is gone.
     """
     folder = folder_of(capture)
     files: dict[str, Input] = {}
-    for path, stamp in sorted(read.items()):
-        digest, now = _digest(path)
+    for path, (stamp, digest) in sorted(read.items()):
+        try:
+            digest = digest or _digest(path)
+            now = Stamp.of(path.stat())
+        except OSError:
+            raise InputError(
+                f"{path} is gone; it was there when the measurement began. Put it back and measure again."
+            ) from None
         if now != stamp:
             raise InputError(f"{path} has changed while it was read; wait until it is whole and measure again.")
-        files[_name(path, folder)] = {"bytes": stamp[0], "mtime_ns": stamp[1], "sha256": digest}
+        files[_name(path, folder)] = {"bytes": stamp.bytes, "mtime_ns": stamp.mtime_ns, "sha256": digest}
     return {"files": files, "beside": sorted(_names(folder) - files.keys())}
 
 
@@ -137,7 +143,7 @@ def changed(capture: Path, before: Inputs) -> str:
             status = path.stat()
             same = status.st_size == was["bytes"]
             if same and status.st_mtime_ns != was["mtime_ns"]:
-                same = _digest(path)[0] == was["sha256"]
+                same = _digest(path) == was["sha256"]
         except (OSError, InputError):
             return f"{name} is gone"
         if not same:
@@ -166,11 +172,10 @@ def _name(path: Path, folder: Path) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
 
 
-def _digest(path: Path) -> tuple[str, Stamp]:
-    """SHA-256 of a file, and what it is."""
+def _digest(path: Path) -> str:
+    """SHA-256 of a file."""
     with open_file(path) as file:
-        digest = hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
-        return digest, Stamp.of(file)
+        return hashlib.file_digest(file, "sha256").hexdigest()  # type: ignore[arg-type]
 
 
 @cache

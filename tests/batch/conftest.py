@@ -12,10 +12,9 @@ WORDS = ("--method", "woodham", "--no-mesh", "--no-expected-error")  # what take
 
 @pytest.fixture
 def season(tmp_path):
-    """Three captures of matt spheres, in a folder with other things in it."""
+    """Three captures of matt spheres."""
     for k in range(3):
         write_diligent(tmp_path / "season" / f"vase-{k}", lambertian(sphere(24 + 4 * k), ring(5, 60)))
-    (tmp_path / "season" / "notes.txt").write_text("dug up in spring")
     return tmp_path / "season"
 
 

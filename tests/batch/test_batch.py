@@ -148,10 +148,18 @@ def test_events_are_lines_of_json(season, tmp_path, here, batch):
     shutil.rmtree(tmp_path / "results" / "vase-2")
     _, out, err = batch("--json-lines", "--retry", "failed")
     events = [json.loads(line) for line in out.splitlines()]
-    assert err == "" and events[0] == {"event": "found", "captures": 3, "waiting": 3}
+    assert err == "" and events[0] == {"event": "found", "captures": 3, "waiting": 3, "left_out": []}
     assert [e["event"] for e in events[1:-1]] == ["begun", "done", "begun", "failed", "begun", "done"]
     assert events[4]["capture"] == "vase-1" and events[4]["kind"] == "input" and "truncated" in events[4]["message"]
     assert events[-1]["measured"] == 2 and events[-1]["failed"] == 1
+
+
+def test_a_file_among_the_captures_is_told_and_left_out(season, tmp_path, here, batch):
+    (season / "notes.txt").write_text("dug up in spring")
+    code, out, err = batch()
+    assert code == 0 and out.startswith("3 measured, 0 were done") and err.count("\n") == 1
+    assert f"left out, since captures are folders or .lp files: {season / 'notes.txt'}" in err
+    assert json.loads(batch("--json-lines")[1].splitlines()[0])["left_out"] == [str(season / "notes.txt")]
 
 
 def test_the_parquet_table_is_the_csv_table(season, tmp_path, here, batch):

@@ -20,7 +20,7 @@ def place(tmp_path, monkeypatch):
 
 
 def found(*captures, **like):
-    return jobs(captures, Path("season/results"), Job(Path(), Path(), **like), kinds())
+    return jobs(captures, Path("season/results"), Job(Path(), Path(), **like), kinds()).captures
 
 
 def names(*captures, **like):
@@ -83,3 +83,14 @@ def test_what_matches_nothing_says_what_lies_there(place):
         found("season/v*")
     with pytest.raises(InputError, match="summer does not exist"):
         found("summer/*")
+
+
+def test_files_that_are_no_captures_are_named_and_left_out(place, tmp_path):
+    (tmp_path / "season" / "gone").symlink_to("nowhere")  # such as a disk that is not there: it fails by itself
+    given = jobs(["season/*"], Path("season/results"), Job(Path(), Path()), kinds())
+    assert [named.name for named in given.captures] == ["1", "2", "10", "dome", "gone", "sphere"]
+    assert given.left_out == [Path("season/notes.txt")]
+    given = jobs(["season/1", "season/notes.txt"], Path("out"), Job(Path(), Path()), kinds())  # as a shell gives them
+    assert [named.name for named in given.captures] == ["1"] and given.left_out == [Path("season/notes.txt")]
+    with pytest.raises(InputError, match=r"season/notes.txt is a file but a folder, an .lp file or a list"):
+        found("season/notes.txt")

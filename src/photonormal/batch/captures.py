@@ -9,7 +9,7 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -33,8 +33,15 @@ class Named:
     job: Job
 
 
-def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]) -> list[Named]:
-    """The captures that patterns, folders, `.lp` files and lists name, in the order of their names.
+class Found(NamedTuple):
+    """What is to be measured, in the order of the names, and files among it that are no captures."""
+
+    captures: list[Named]
+    left_out: list[Path]
+
+
+def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]) -> Found:
+    """The captures that patterns, folders, `.lp` files and lists name.
 
     Parameters
     ----------
@@ -51,14 +58,23 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
     """
     found: list[tuple[Path, str, dict[str, Any]]] = []
     fixed: list[Path] = []
+    left_out: list[Path] = []
     for text in captures:
         path = Path(text)
         if path.suffix.lower() in LISTS and path.is_file():
             found += _listed(path, kinds)
             continue
-        matched = [path] if os.path.lexists(path) else _matched(text, out, like.sphere)
-        fixed.append(Path(os.path.abspath(path)).parent if os.path.lexists(path) else _fixed(text))
-        found += [(p, "", {}) for p in matched]
+        there = os.path.lexists(path)
+        matched = [path] if there else _matched(text, out, like.sphere)
+        left_out += [p for p in matched if _plain(p)]
+        if kept := [p for p in matched if not _plain(p)]:
+            fixed.append(Path(os.path.abspath(path)).parent if there else _fixed(text))
+            found += [(p, "", {}) for p in kept]
+        elif not there:
+            raise _none(text)
+    if not found:
+        what = f"{left_out[0]} is a file" if left_out else "none came"
+        raise InputError(f"{what} but a folder, an .lp file or a list of captures is needed; give one.")
     base = Path(os.path.commonpath([os.path.abspath(p) for p in fixed])) if fixed else Path()
     named: dict[str, Named] = {}
     for path, name, options in found:
@@ -71,7 +87,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
     for name in named:
         if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
             raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
-    return [named[name] for name in sorted(named, key=natural)]
+    return Found([named[name] for name in sorted(named, key=natural)], left_out)
 
 
 def natural(name: str) -> list[tuple[bool, int, str]]:
@@ -92,24 +108,26 @@ def _fixed(pattern: str) -> Path:
 
 
 def _matched(pattern: str, out: Path, sphere: str) -> list[Path]:
-    """Folders and `.lp` files that a pattern matches; results and the sphere's own folder are none."""
+    """What a pattern matches, but for results and the sphere's own folder."""
     others = [Path(os.path.abspath(p)) for p in (out, sphere) if str(p)]
     matched = [Path(p) for p in sorted(glob.glob(pattern, recursive=True))]
-    kept = [
-        p
-        for p in matched
-        if (p.is_dir() or p.suffix.lower() == ".lp")
-        and not any(Path(os.path.abspath(p)).is_relative_to(other) for other in others)
-    ]
-    if not kept:
-        place = _fixed(pattern)
-        there = sorted(p.name + "/" * p.is_dir() for p in place.iterdir()) if place.is_dir() else []
-        lies = f"{place} holds {', '.join(there[:8]) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
-        more = f" and {len(there) - 8} more" if len(there) > 8 else ""
-        raise InputError(
-            f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}{more}; correct it."
-        )
-    return kept
+    return [p for p in matched if not any(Path(os.path.abspath(p)).is_relative_to(other) for other in others)]
+
+
+def _plain(path: Path) -> bool:
+    """Whether a path is a file that is no list of lights."""
+    return path.is_file() and path.suffix.lower() != ".lp"
+
+
+def _none(pattern: str) -> InputError:
+    """The error that says what lies where no capture matches."""
+    place = _fixed(pattern)
+    there = sorted(p.name + "/" * p.is_dir() for p in place.iterdir()) if place.is_dir() else []
+    lies = f"{place} holds {', '.join(there[:8]) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
+    more = f" and {len(there) - 8} more" if len(there) > 8 else ""
+    return InputError(
+        f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}{more}; correct it."
+    )
 
 
 def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, dict[str, Any]]]:

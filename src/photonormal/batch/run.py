@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from photonormal.batch.captures import Named
+from photonormal.batch.captures import Found
 from photonormal.batch.state import State, state_of
 from photonormal.batch.summary import Summary
 from photonormal.batch.work import Measured, Outcome
@@ -20,7 +20,7 @@ Event = Callable[..., None]  # what happened, to which capture, and more
 
 
 def run(
-    captures: Sequence[Named],
+    found: Found,
     out: Path,
     tell: Event,
     measured: Measured,
@@ -31,11 +31,11 @@ def run(
 
     Parameters
     ----------
-    captures : what to measure, as `photonormal.batch.captures.jobs` names it
+    found : what to measure, as `photonormal.batch.captures.jobs` names it
     out : folder of the batch
-    tell : is called with an event and what belongs to it: ("found", captures=...), ("stale", capture=..., why=...),
-        ("begun", capture=..., where=...), ("done", capture=..., seconds=..., ...), ("failed", capture=...,
-        kind=..., message=...), ("summary", ...)
+    tell : is called with an event and what belongs to it: ("found", captures=..., waiting=..., left_out=...),
+        ("stale", capture=..., why=...), ("begun", capture=..., where=...), ("done", capture=..., seconds=..., ...),
+        ("failed", capture=..., kind=..., message=...), ("summary", ...)
     measured : gives what comes of the captures: `photonormal.batch.workers.run`, or a cluster's
     retry : try again what has failed before in the same way
     overwrite : make results of other options again, and write beside what is no result
@@ -46,6 +46,7 @@ def run(
         If there is no such method or option, or `out` holds other things, or results of other options, without
         `overwrite`. Nothing has been measured then.
     """
+    captures = found.captures
     for named in captures:
         named.job.made()  # there is such a method
     states = {named.name: state_of(named.job) for named in captures}
@@ -61,7 +62,7 @@ def run(
     summary.write()
     waiting = [named for named in captures if _wanted(states[named.name], retry)]
     counts = Counter(kept=len(captures) - len(waiting))
-    tell("found", captures=len(captures), waiting=len(waiting))
+    tell("found", captures=len(captures), waiting=len(waiting), left_out=[str(path) for path in found.left_out])
     for name, state in states.items():
         if state.kind in ("stale", "options"):
             tell("stale", capture=name, why=state.why)

@@ -10,7 +10,7 @@ from typing import Any, Literal, NotRequired, TypedDict
 from photonormal.capture import place_of
 from photonormal.disk import at_once, recover
 from photonormal.export.folder import MARKER, REPORT, as_json, listed
-from photonormal.files.opening import Stamp
+from photonormal.files.opening import Opened
 from photonormal.job import PROVENANCE, Job
 from photonormal.provenance import Inputs, Made, change, changed, inputs
 from photonormal.stored import read_json
@@ -102,7 +102,7 @@ def read_report(folder: Path) -> Known | None:
         return None
 
 
-def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Stamp] | None) -> None:
+def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Opened] | None) -> None:
     """Tell in the report of a capture why it can't be measured; a result that is there stays.
 
     `read` are the files that were opened; None: not known.
@@ -120,5 +120,5 @@ def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Stamp
         return  # it can't be written there: that is why
 
 
-def _inputs(job: Job, read: Mapping[Path, Stamp]) -> Inputs:
+def _inputs(job: Job, read: Mapping[Path, Opened]) -> Inputs:
     return inputs(place_of(job.capture), {path: stamp for path, stamp in read.items() if path.is_file()})

@@ -84,7 +84,7 @@ class Batch:
 
         like, going = of_all(self), self.batch
         found = jobs(self.captures, self.out, like, kinds())
-        with going.measured(soon=not all(named.job.out.exists() for named in found)) as measured:
+        with going.measured(soon=not all(named.job.out.exists() for named in found.captures)) as measured:
             done = run(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)
         return 1 if done["failed"] else 0
 
@@ -148,7 +148,10 @@ def as_lines(event: str, **what: Any) -> None:
 
 def in_words(event: str, **what: Any) -> None:
     """What a person wants to know of an event."""
-    if event == "failed":
+    if event == "found" and (others := what["left_out"]):
+        more = f" and {len(others) - 5} more" if len(others) > 5 else ""
+        tell(f"left out, since captures are folders or .lp files: {', '.join(others[:5])}{more}")
+    elif event == "failed":
         tell(f"{what['capture']}: {what['message']}")
     elif event == "stale":
         tell(f"{what['capture']} is measured again: {what['why']}")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import errno
+import hashlib
+import io
 import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import prod
 from pathlib import Path
-from typing import IO, BinaryIO, NamedTuple
+from typing import IO, Any, BinaryIO, NamedTuple
 from zipfile import ZipFile
 
 import numpy as np
@@ -29,24 +31,63 @@ class Stamp(NamedTuple):
     mtime_ns: int
 
     @classmethod
-    def of(cls, file: IO[bytes]) -> Stamp:
-        """That of an open file."""
-        status = os.fstat(file.fileno())
+    def of(cls, status: os.stat_result) -> Stamp:
+        """That of a file of this status."""
         return cls(status.st_size, status.st_mtime_ns)
 
 
-_noted: list[dict[Path, Stamp]] = []
+class Opened(NamedTuple):
+    """A file that was opened: what it was then, and the SHA-256 of its content where all of it was read."""
+
+    stamp: Stamp
+    sha256: str = ""
+
+
+_noted: list[dict[Path, Opened]] = []
 
 
 @contextmanager
-def noted() -> Iterator[dict[Path, Stamp]]:
+def noted() -> Iterator[dict[Path, Opened]]:
     """Every file that is opened while the block lasts, by any thread, and what it was then."""
-    opened: dict[Path, Stamp] = {}
+    opened: dict[Path, Opened] = {}
     _noted.append(opened)
     try:
         yield opened
     finally:
         _noted.remove(opened)
+
+
+class _Noted(io.FileIO):
+    """An open file that is noted, and digested while it is read from its beginning to its end."""
+
+    def __init__(self, descriptor: int, path: Path) -> None:
+        super().__init__(descriptor, "rb")
+        self._path, self._stamp = path.resolve(), Stamp.of(os.fstat(descriptor))
+        self._passed, self._digest = 0, hashlib.sha256()  # bytes that it has seen
+        for opened in _noted:
+            opened.setdefault(self._path, Opened(self._stamp))
+        self._wanted = not all(opened[self._path].sha256 for opened in _noted)
+
+    def readinto(self, buffer: Any, /) -> int | None:
+        at, count = self.tell(), super().readinto(buffer)
+        self._pass(at, memoryview(buffer).cast("B")[:count])
+        return count
+
+    def readall(self) -> bytes:
+        at, data = self.tell(), super().readall()
+        self._pass(at, memoryview(data))
+        return data
+
+    def _pass(self, at: int, data: memoryview) -> None:
+        if not self._wanted or at != self._passed:
+            return
+        self._digest.update(data)
+        self._passed += len(data)
+        if self._passed == self._stamp.bytes:
+            self._wanted = False
+            for opened in _noted:
+                if opened.get(self._path, Opened(self._stamp)).stamp == self._stamp:
+                    opened[self._path] = Opened(self._stamp, self._digest.hexdigest())
 
 
 def open_file(path: Path) -> BinaryIO:
@@ -68,10 +109,7 @@ def open_file(path: Path) -> BinaryIO:
         raise InputError(f"{path} can be no file's name but a file is needed; correct it.") from None
     kind = stat.S_IFMT(os.fstat(descriptor).st_mode)
     if kind == stat.S_IFREG:
-        file = os.fdopen(descriptor, "rb")
-        for opened in _noted:
-            opened.setdefault(Path(path).resolve(), Stamp.of(file))
-        return file
+        return io.BufferedReader(_Noted(descriptor, Path(path))) if _noted else os.fdopen(descriptor, "rb")
     os.close(descriptor)
     if kind == stat.S_IFDIR:
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

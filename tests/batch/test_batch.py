@@ -10,6 +10,9 @@ import pytest
 
 import photonormal as pn
 from photonormal.batch import state, workers
+from photonormal.batch.work import work
+from photonormal.cli import batching
+from photonormal.export.result import write_result
 from tests.batch.conftest import cut, normals
 
 
@@ -162,6 +165,18 @@ def test_a_file_among_the_captures_is_told_and_left_out(season, tmp_path, here, 
     assert json.loads(batch("--json-lines")[1].splitlines()[0])["left_out"] == [str(season / "notes.txt")]
 
 
+def test_what_another_batch_has_made_since_is_not_made_again(season, tmp_path, batch, monkeypatch):
+    def run(waiting, at, begun, jobs):
+        for named in waiting:
+            yield [work(named), work(named)][1]
+
+    monkeypatch.setattr(workers, "run", run)
+    monkeypatch.setattr(workers, "begin_loading", lambda: None)
+    written = []
+    monkeypatch.setattr("photonormal.job.write_result", lambda *a, **k: written.append(1) or write_result(*a, **k))
+    assert batch()[0] == 0 and len(written) == 3
+
+
 def test_the_parquet_table_is_the_csv_table(season, tmp_path, here, batch):
     parquet = pytest.importorskip("pyarrow.parquet")
     cut(season / "vase-1" / "003.png")
@@ -176,3 +191,18 @@ def test_a_method_that_there_is_not_is_refused_before_anything(season, tmp_path,
     code, out, err = batch(captures=[season / "list.csv"])
     assert (code, out, err.count("\n")) == (2, "", 1) and "no method 'woodhm'" in err
     assert not (tmp_path / "results").exists()
+
+
+def test_a_batch_goes_on_when_nobody_reads_its_events_any_more(season, tmp_path, here, batch, monkeypatch):
+    gone = iter([None])
+
+    def write(text):
+        if text.startswith('{"event": "begun"'):
+            next(gone)  # once; what is written later goes nowhere
+            raise BrokenPipeError
+
+    monkeypatch.setattr("sys.stdout.write", write)
+    monkeypatch.setattr(batching, "say_no_more", lambda: monkeypatch.setattr("sys.stdout.write", len))
+    code, _, err = batch("--json-lines")
+    assert code == 0 and err.count("\n") == 1 and "nobody reads the events any more" in err
+    assert len(times(tmp_path / "results")) == 3

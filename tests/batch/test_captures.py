@@ -92,5 +92,12 @@ def test_files_that_are_no_captures_are_named_and_left_out(place, tmp_path):
     assert given.left_out == [Path("season/notes.txt")]
     given = jobs(["season/1", "season/notes.txt"], Path("out"), Job(Path(), Path()), kinds())  # as a shell gives them
     assert [named.name for named in given.captures] == ["1"] and given.left_out == [Path("season/notes.txt")]
-    with pytest.raises(InputError, match=r"season/notes.txt is a file but a folder, an .lp file or a list"):
+    with pytest.raises(InputError, match=r"season/notes.txt is a file but folders, .lp files or a list"):
         found("season/notes.txt")
+
+
+def test_results_are_no_captures_whoever_names_them(place):
+    assert names("season/1", "season/results", "season/results/1") == ["1"]  # as a shell gives them
+    for given in (["season/results/*"], ["season/results/1"], []):
+        with pytest.raises(InputError, match="elsewhere than in season/results; give some"):
+            found(*given)

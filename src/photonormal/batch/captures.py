@@ -59,22 +59,26 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
     found: list[tuple[Path, str, dict[str, Any]]] = []
     fixed: list[Path] = []
     left_out: list[Path] = []
+    others = [Path(os.path.abspath(p)) for p in (out, like.sphere) if str(p)]  # folders whose content is no capture
     for text in captures:
         path = Path(text)
         if path.suffix.lower() in LISTS and path.is_file():
             found += _listed(path, kinds)
             continue
         there = os.path.lexists(path)
-        matched = [path] if there else _matched(text, out, like.sphere)
-        left_out += [p for p in matched if _plain(p)]
-        if kept := [p for p in matched if not _plain(p)]:
+        for match in [path] if there else _matched(text):
+            if any(Path(os.path.abspath(match)).is_relative_to(other) for other in others):
+                continue
+            if match.is_file() and match.suffix.lower() != ".lp":
+                left_out.append(match)
+                continue
             fixed.append(Path(os.path.abspath(path)).parent if there else _fixed(text))
-            found += [(p, "", {}) for p in kept]
-        elif not there:
-            raise _none(text)
+            found.append((match, "", {}))
     if not found:
-        what = f"{left_out[0]} is a file" if left_out else "none came"
-        raise InputError(f"{what} but a folder, an .lp file or a list of captures is needed; give one.")
+        what = f"{left_out[0]} is a file" if left_out else f"{captures[0] if captures else 'nothing'} came"
+        raise InputError(
+            f"{what} but folders, .lp files or a list of captures are needed, elsewhere than in {out}; give some."
+        )
     base = Path(os.path.commonpath([os.path.abspath(p) for p in fixed])) if fixed else Path()
     named: dict[str, Named] = {}
     for path, name, options in found:
@@ -107,27 +111,18 @@ def _fixed(pattern: str) -> Path:
     return Path(*parts[:wild])
 
 
-def _matched(pattern: str, out: Path, sphere: str) -> list[Path]:
-    """What a pattern matches, but for results and the sphere's own folder."""
-    others = [Path(os.path.abspath(p)) for p in (out, sphere) if str(p)]
+def _matched(pattern: str) -> list[Path]:
+    """What a pattern matches; InputError, which says what lies there, if that is nothing."""
     matched = [Path(p) for p in sorted(glob.glob(pattern, recursive=True))]
-    return [p for p in matched if not any(Path(os.path.abspath(p)).is_relative_to(other) for other in others)]
-
-
-def _plain(path: Path) -> bool:
-    """Whether a path is a file that is no list of lights."""
-    return path.is_file() and path.suffix.lower() != ".lp"
-
-
-def _none(pattern: str) -> InputError:
-    """The error that says what lies where no capture matches."""
-    place = _fixed(pattern)
-    there = sorted(p.name + "/" * p.is_dir() for p in place.iterdir()) if place.is_dir() else []
-    lies = f"{place} holds {', '.join(there[:8]) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
-    more = f" and {len(there) - 8} more" if len(there) > 8 else ""
-    return InputError(
-        f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}{more}; correct it."
-    )
+    if not matched:
+        place = _fixed(pattern)
+        there = sorted(p.name + "/" * p.is_dir() for p in place.iterdir()) if place.is_dir() else []
+        lies = f"{place} holds {', '.join(there[:8]) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
+        more = f" and {len(there) - 8} more" if len(there) > 8 else ""
+        raise InputError(
+            f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}{more}; correct it."
+        )
+    return matched
 
 
 def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, dict[str, Any]]]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from photonormal.batch.captures import Named
 from photonormal.batch.row import PAGE
-from photonormal.batch.state import Kind, record_failure
+from photonormal.batch.state import Kind, record_failure, state_of
 from photonormal.types import InputError, take_share
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ def work(named: Named, parts: Sequence[Part] = ()) -> Outcome:
     start, read = time.perf_counter(), {}
     reset_peak()
     try:
+        if state_of(named.job).kind == "done":  # another batch has measured it since
+            return Outcome(named.name, time.perf_counter() - start)
         report = carry_out(named.job, read, parts, lambda result: {PAGE: small_page(result, named.name)})
     except InputError as error:
         kind, failure = "input", str(error)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
 import sys
 import warnings
 from collections.abc import Callable
@@ -15,6 +14,7 @@ import tyro
 from photonormal import __version__
 from photonormal.cli.batching import Batch, Watch
 from photonormal.cli.faults import fault, one_line
+from photonormal.cli.kinds import say_no_more
 from photonormal.cli.mapping import Convert, Integrate, Score
 from photonormal.cli.measuring import Measure, Methods
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Lights, Mask
@@ -54,7 +54,7 @@ def main(arguments: list[str] | None = None, interrupted: Callable[[], bool] = l
         sys.stdout.flush()  # a reader that has gone, such as `head`, shows here
         return code
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python complains again at its end
+        say_no_more()
         return 0
     except InputError as error:
         print(f"photonormal: {error}", file=sys.stderr)

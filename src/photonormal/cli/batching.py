@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 import tyro
 from tyro.conf import OmitArgPrefixes, Positional
 
-from photonormal.cli.kinds import Number, shown, tell
+from photonormal.cli.kinds import Number, say_no_more, shown, tell
 from photonormal.cli.measuring import How, Written, of_job
 from photonormal.cli.photographs import Corrections, Files, Lights, Photographs, Read
 from photonormal.options import Positive
@@ -139,11 +139,15 @@ def kinds() -> dict[str, Any]:
 
 
 def as_lines(event: str, **what: Any) -> None:
-    """An event as a line of JSON on standard output."""
+    """An event as a line of JSON on standard output, as long as anyone reads it."""
     import json
 
-    sys.stdout.write(json.dumps({"event": event, **what}, default=str) + "\n")  # at once: threads tell, too
-    sys.stdout.flush()
+    try:
+        sys.stdout.write(json.dumps({"event": event, **what}, default=str) + "\n")  # at once: threads tell, too
+        sys.stdout.flush()
+    except BrokenPipeError:
+        say_no_more()
+        tell("nobody reads the events any more; the captures are measured all the same.")
 
 
 def in_words(event: str, **what: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import shlex
 import sys
 from collections.abc import Iterator
@@ -36,6 +37,11 @@ Where = Annotated[Device, tyro.conf.arg(metavar="{auto,cpu,cuda}")]
 def tell(line: str) -> None:
     """Print what was found out beside the results."""
     print(f"photonormal: {printable(line)}", file=sys.stderr)
+
+
+def say_no_more() -> None:
+    """What comes on standard output goes nowhere: its reader has gone, of which Python would complain at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def warn(warnings: list[str]) -> None:

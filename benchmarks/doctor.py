@@ -6,7 +6,8 @@ Renders captures of flat reliefs (plates, plaques, coins, tablets, weaves) and o
 textured, with noise, of 8 and 16 bits, with rectangular and round masks, masks of an outline, and none. Each is judged
 as it is, where any finding about lights, encoding or motion is a false alarm, and with one thing wrong at a time. A
 fault is found where a finding of its kind is given; corrected lights more than 10 degrees off are wrong ones. "Tells"
-counts captures that a matt surface explains at least a tenth better without the fault: elsewhere shading can't tell it.
+counts captures in which shading can tell the fault: a matt surface explains them at least a tenth better without it;
+half a turn is told where shadows or an outline show it with the true normals.
 
     --glossy renders no matt materials, and 16 bits only: what must not be taken for sRGB.
 """
@@ -14,15 +15,18 @@ counts captures that a matt surface explains at least a tenth better without the
 from __future__ import annotations
 
 import argparse
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 
 from photonormal.doctor import check, samples
-from photonormal.doctor.frame import Frame
+from photonormal.doctor.frame import Frame, Surface
 from photonormal.doctor.misfit import Pixels
 from photonormal.geometry import angle_deg, normalised
 from photonormal.synth import recipe
@@ -38,6 +42,7 @@ RELIEFS = ("plate", "plaque", "coin", "tablet", "weave")
 KINDS = (*RELIEFS, "object")
 RIGS = ("dome", "rings", "stage", "cone", "grid", "box")
 GROUND = 0.02  # level of what lies around an object
+WRONG_DEG = 10  # nine tenths of corrected lights are nearer to the true ones
 TELLS = 0.9  # of a matt surface's misfit with a fault, that is left without it, where shading tells
 
 
@@ -333,6 +338,36 @@ def matt_misfit(capture: Capture) -> float:
     return 0.0 if pixels is None else float(np.median(pixels.fit(capture.lights)[1]))
 
 
+def half_turn_told(right: Capture) -> bool:
+    """Whether shadows or an outline tell half a turn of the lights where the normals are the true ones."""
+    assert right.truth is not None and right.lights is not None
+    mask = right.truth.mask
+    I, N = samples.read(replace(right, mask=mask)).I, right.truth.map[mask].astype(np.float64)
+    b = N * np.median(I / (N @ right.lights.T).clip(0.2), axis=1, keepdims=True)
+    surface = Surface(I, b, mask, right.lights)
+    votes = [surface.shadows.vote(np.eye(3)), 0.0 if surface.outline is None else surface.outline.vote(np.eye(3))]
+    return max(votes) > 0 and min(votes) >= 0
+
+
+def judged(capture: Capture, fault: str, right: Capture) -> dict[str, Any]:
+    """What the doctor says of one capture, which would be `right` without its fault."""
+    kinds = FAULTS[fault][1] if fault in FAULTS else set()
+    found = [f for f in check(capture) if f.kind in JUDGED]
+    off = [float(np.quantile(angle_deg(f.lights, right.lights), 0.9)) for f in found if f.lights is not None]
+    tells = True
+    if kinds & TOLD_BY_A_MATT_FIT:
+        tells = matt_misfit(right) < TELLS * matt_misfit(capture)
+    elif fault == "both flipped":
+        tells = half_turn_told(right)
+    return {
+        "tells": tells,
+        "found": any(f.kind in kinds for f in found),
+        "right": sum(deg <= WRONG_DEG for deg in off),
+        "wrong": sum(deg > WRONG_DEG for deg in off),
+        "alarms": [] if kinds else [f.kind for f in found],
+    }
+
+
 def main() -> None:
     """Print a table of rates for each kind of capture."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -342,40 +377,48 @@ def main() -> None:
     parser.add_argument("--kinds", default=",".join(KINDS))
     parser.add_argument("--faults", default=",".join(["right", *FAULTS]))
     parser.add_argument("--glossy", action="store_true")
+    parser.add_argument(
+        "--results", type=Path, help="lines of JSON, one a capture; those that are there are not redone"
+    )
     args = parser.parse_args()
     torch.set_num_threads(1)
     faults, look = args.faults.split(","), GLOSSY if args.glossy else USUAL
+    lines = args.results.read_text().splitlines() if args.results and args.results.exists() else []
+    there = {tuple(row.pop("of")): row for row in map(json.loads, lines)}
     print("| captures | fault | count | tells | found | found where told | corrected | wrongly so | false alarms |")
     print("|---|---|---|---|---|---|---|---|---|")
     for kind in args.kinds.split(","):
-        rows = {fault: Counter() for fault in faults}
         near = (
             captures(kind, args.seed, args.count, args.size, look, 4.0) if "lamps at 2 widths" in faults else iter(())
         )
+        rows = {fault: [] for fault in faults}
         for k, capture in enumerate(captures(kind, args.seed, args.count, args.size, look)):
             for fault in faults:
-                change, kinds = FAULTS.get(fault, (lambda c, g: c, set()))
+                of = (args.seed, args.size, args.glossy, kind, k, fault)
+                change = FAULTS[fault][0] if fault in FAULTS else lambda c, g: c
                 g = rng(args.seed, 11, k, (["right", *FAULTS]).index(fault))
-                judge(rows[fault], next(near) if change is None else change(capture, g), kinds, capture)
-        for fault, r in rows.items():
-            told = " ".join(f"{name[6:]} {count}" for name, count in r.items() if name.startswith("alarm "))
-            found = ["", "", ""] if fault == "right" else [r["tells"], r["found"], r["told"]]
-            figures = (kind, fault, r["count"], *found, r["corrected"], r["wrong"], told)
-            print("|", " | ".join(str(v) for v in figures), "|", flush=True)
+                faulty = next(near) if change is None else change(capture, g)
+                if of not in there:
+                    there[of] = judged(faulty, fault, capture)
+                    if args.results:
+                        with args.results.open("a") as file:
+                            file.write(json.dumps({"of": of, **there[of]}) + "\n")
+                rows[fault].append(there[of])
+        for fault in faults:
+            print(f"| {kind} | {fault} | {line_of(rows[fault], fault)} |", flush=True)
 
 
-def judge(row: Counter, capture: Capture, kinds: set[str], right: Capture) -> None:
-    """Count what the doctor says of one capture, which would be `right` without its fault."""
-    found = [f for f in check(capture) if f.kind in JUDGED]
-    told = any(f.kind in kinds for f in found)
-    tells = not kinds & TOLD_BY_A_MATT_FIT or matt_misfit(right) < TELLS * matt_misfit(capture)
-    row.update({"count": 1, "found": told, "tells": tells, "told": told and tells})
-    for f in found:
-        if not kinds:
-            row[f"alarm {f.kind}"] += 1
-        if f.lights is not None:
-            off = float(np.quantile(angle_deg(f.lights, right.lights), 0.9)) > 10
-            row["wrong" if off else "corrected"] += 1
+def line_of(rows: list[dict[str, Any]], fault: str) -> str:
+    """Figures of one kind of capture with one fault."""
+
+    def count(name: str, among: list[dict[str, Any]] = rows) -> int:
+        return sum(row[name] for row in among)
+
+    alarms = Counter(kind for row in rows for kind in row["alarms"])
+    found = [count("tells"), count("found"), count("found", [row for row in rows if row["tells"]])]
+    told = " ".join(f"{kind} {times}" for kind, times in alarms.items())
+    figures = [len(rows), *(found if fault in FAULTS else [""] * 3), count("right"), count("wrong"), told]
+    return " | ".join(map(str, figures))
 
 
 if __name__ == "__main__":

@@ -211,3 +211,20 @@ def test_lines_to_one_light_meet_there():
 def test_a_light_at_infinity_has_no_position():
     with pytest.raises(InputError, match="position can't be told"):
         nearest_point(np.array([[0.0, 0, 0], [100, 0, 0]]), np.array([[0, 0, 1.0], [0, 0, 1]]))
+
+
+def test_a_small_highlight_beside_a_table_that_darkens_with_its_lamp_is_not_pulled_aside():
+    circle = Circle(20.2, 19.7, 11.0)
+    y, x = np.mgrid[:41, :41].astype(float)
+    away = np.hypot(x - circle.x, y - circle.y) / circle.r
+    table = 0.3 / (1 + np.exp(-(away - 0.75) * circle.r / 0.6))
+    phi = np.pi * np.arange(9) / 4.5 + 0.2
+    zenith = np.where(np.arange(9) < 4, 76, 40)  # the low lamps light the table less
+    at = [circle.x + circle.r * np.sin(np.radians(zenith / 2)) * np.cos(phi)]
+    at += [circle.y + circle.r * np.sin(np.radians(zenith / 2)) * np.sin(phi)]
+    light = [
+        0.005 + table * np.cos(np.radians(z)) + 0.15 * np.exp(-((x - a) ** 2 + (y - b) ** 2) / 2)
+        for a, b, z in zip(*at, zenith, strict=True)
+    ]
+    found = looked_for((np.stack(light) ** (1 / 2.2)).astype(np.float32), circle)
+    assert max(np.hypot(h.x - a, h.y - b) for h, a, b in zip(found, *at, strict=True)) < 0.1

@@ -20,6 +20,12 @@ TOPS = 4  # places of a picture that are looked at
 APART = 3.0  # distance, in scales, within which two places are one
 FEW_PX = 8  # pixels of a part below which its neighbours help to find its middle
 POWER = 2.0  # of levels, that makes them light: encoded as most pictures are, hardly worse where they are linear
+SMALL_PX = 24  # covered by a reflection that is hardly larger than the blur
+HALF_WAY = 1.18  # radius at which a Gaussian is half as high, in standard deviations
+REACH, LEAST_PX = 3.0, 12  # how far its surroundings are looked at, in those, and pixels of them
+ROUNDS, SETTLED = 8, 0.005  # of least squares, and pixels that are no more than rest
+DARK = 0.1  # level below which all are as sure
+NARROWEST, MOVES = 0.5, 1.5  # standard deviation in pixels, and how far it moves, in those it began with
 FLOOR = 0.05  # of the peak, below which a pixel's logarithm tells nothing
 RIVAL = 0.5  # flux of a second reflection, as part of the first's, above which the choice is doubtful
 
@@ -92,8 +98,9 @@ class Disc:
 
 @dataclass(frozen=True)
 class Reflections:
-    """What is mirrored inside a disc in one picture (h, w), without what is `static`: in levels, and in `light`."""
+    """What is mirrored inside a disc in one `picture` (h, w), without what is `static`: in levels, and in `light`."""
 
+    picture: Float[np.ndarray, "h w"]
     level: Float[np.ndarray, "h w"]
     light: Float[np.ndarray, "h w"]
     static: Float[np.ndarray, "h w"]
@@ -105,7 +112,7 @@ class Reflections:
         level, light = (
             np.where(disc.whole, np.maximum(picture**p - static**p, 0), 0).astype(np.float32) for p in (1, POWER)
         )
-        return cls(level, light, static, disc)
+        return cls(picture, level, light, static, disc)
 
     def blurred(self, k: int) -> Float[np.ndarray, "h w"]:
         """The mean of what is inside around each pixel at scale k, weighted by a Gaussian."""
@@ -137,6 +144,34 @@ class Reflections:
         first, second = ([h for h, _ in self.tops(k, 2)] + [0.0, 0.0])[:2]
         return first, second
 
+    def _in_its_surroundings(self, x: float, y: float, blur: float) -> tuple[float, float]:
+        """The middle of a round Gaussian over what lies around it: so many times what is static, and a plane.
+
+        What the sphere mirrors beside a small reflection becomes brighter and darker with the lamp, steeply at the
+        table's horizon, and would pull it to one side. Least squares by Gauss and Newton, begun at (x, y).
+        """
+        row, column = np.nonzero(Circle(x, y, REACH * blur).inside(self.disc.whole.shape) & self.disc.whole)
+        if len(row) < LEAST_PX:
+            return x, y
+        level, static = (a[row, column].astype(np.float64) for a in (self.picture, self.static))
+        w = 1 / level.clip(DARK)  # levels are even in their noise, light is their power
+        I, around = level**POWER, np.stack([static**POWER, np.ones_like(w), column - x, row - y], axis=-1)  # (m, 4)
+        at, s = np.array([x, y]), blur
+        for _ in range(ROUNDS):
+            d = np.stack([column, row], axis=-1) - at
+            r2 = (d**2).sum(1)
+            G = np.exp(-r2 / (2 * s**2))
+            M = np.column_stack([G, around])
+            terms = _least_squares(M, I, w)
+            if terms[0] <= 0:
+                return x, y
+            J = np.column_stack([terms[0] * G[:, None] * d / s**2, terms[0] * G * r2 / s**3, M])
+            step = _least_squares(J, I - M @ terms, w)[:3].clip(-s / 2, s / 2)
+            at, s = at + step[:2], float(np.clip(s + step[2], NARROWEST, 3 * blur))
+            if np.abs(step[:2]).max() < SETTLED:
+                break
+        return (float(at[0]), float(at[1])) if np.hypot(*(at - (x, y))) < MOVES * blur else (x, y)
+
     def highlight(self, k: int) -> Highlight | None:
         """What stands out farthest at scale k; None in the dark."""
         tops = self.tops(k)
@@ -163,7 +198,19 @@ class Reflections:
         else:
             light = self.proud_light(k)
             x, y = _middle(light if light[part].max() > 0 else proud, part)
+            if area <= SMALL_PX and self.static.any():
+                x, y = self._in_its_surroundings(x, y, max(1.0, float(np.sqrt(area / np.pi)) / HALF_WAY))
         return Highlight(x, y, area, peak, area * peak, saturated)
+
+
+def _least_squares(
+    A: Float[np.ndarray, "m k"], y: Float[np.ndarray, " m"], w: Float[np.ndarray, " m"]
+) -> Float[np.ndarray, " k"]:
+    """argmin of sum w^2 (A b - y)^2, its columns scaled to be alike, so that one that tells nothing gets no term."""
+    A = A * w[:, None]
+    size = np.sqrt((A**2).sum(0)).clip(1e-9)
+    A = A / size
+    return np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ (w * y)) / size
 
 
 def _within(shape: Sequence[int], x: float, y: float, r: float) -> Bool[np.ndarray, "h w"]:

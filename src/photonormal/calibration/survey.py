@@ -17,9 +17,11 @@ Photograph = Callable[[int], Float[np.ndarray, "h w c"]]  # levels in [0, 1] of 
 WORKING_SIZE = 800  # longest side in pixels of the pictures that are searched
 SHADING_SIZE = 64  # and of those whose shading is compared
 PLACES = 4  # constellations that are looked around
-PEAKS, ALL_PEAKS = 24, 3000  # brightest places of a picture, and of all, that may belong to a constellation
-BRIGHT = 0.3  # level of a peak, as part of its picture's brightest
+PEAKS, ALL_PEAKS = 100, 3000  # brightest places of a picture, and of all, that may belong to a constellation
+BRIGHT = 0.3  # contrast of a peak, as part of its picture's largest
+FLOOR = 10  # of 255, that levels count at least where contrast is told
 BROADEST = 31  # pixels across a peak: what is broader is a bright table, and a ball so large is seen without peaks
+FINE = 9  # pixels across one that is all fine
 TOGETHER = 0.75  # part of the pictures that have a peak in a constellation
 GAMMAS = (1.0, 2.2)  # how levels may be encoded
 
@@ -63,10 +65,10 @@ class Survey:
     def constellations(self) -> list[tuple[float, float, float]]:
         """Discs (x, y, radius), in pixels of the photographs, that hold a bright peak of nearly each picture.
 
-        The best first: most pictures have a peak there, and few have several.
+        The best first: most pictures have a peak there, few have several, and they are fine, as a relief's are not.
         """
         n = len(self.dark)
-        of, at = _moving_peaks(self.dark)
+        of, at, fine = _moving_peaks(self.dark)
         if len(of) == 0:
             return []
         apart = np.hypot(*(at[:, None] - at).transpose(2, 0, 1))  # (m, m)
@@ -75,7 +77,7 @@ class Survey:
         for s in np.geomspace(3.0, 0.4 * min(self.dark.shape[1:]), 14):
             near = (apart < s).astype(np.float32)
             shown, total = (near @ pictures > 0).sum(1), near.sum(1)
-            value = shown / n * shown / total
+            value = shown / n * shown / total * (near @ fine) / total
             found += [(value[k], s, k) for k in np.flatnonzero(shown >= max(3, TOGETHER * n))]
         found.sort(key=lambda f: (-round(float(f[0]), 1), f[1], -f[0]))
         chosen: list[tuple[float, float, float]] = []
@@ -127,19 +129,22 @@ def unexplained(I: Float[np.ndarray, "n p"], L: Float[np.ndarray, "n 3"]) -> tup
     return min(found)
 
 
-def _moving_peaks(dark: UInt8[np.ndarray, "n a b"]) -> tuple[np.ndarray, Float[np.ndarray, "m 2"]]:
-    """The places that stand out most of what moves in each picture: the picture's index (m,), and x and y.
+def _moving_peaks(dark: UInt8[np.ndarray, "n a b"]) -> tuple[np.ndarray, Float[np.ndarray, "m 2"], np.ndarray]:
+    """The places that stand out most of what moves in each picture: the picture's index (m,), x and y, and how fine
+    they are (m,), from 0 to 1.
 
-    What is broad is taken away (a white top-hat), so that a bright, rough table's light does not outshine a ball's.
+    What is broad is taken away (a white top-hat), and the rest divided by what is usual there, so that a bright, rough
+    table or a relief does not outshine a dark ball.
     """
     import cv2
 
     rest = np.median(dark, axis=0) if len(dark) >= 4 else static_light(dark)
-    of, at = [], []
-    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (BROADEST, BROADEST))
+    of, at, fine = [], [], []
+    ground = cv2.GaussianBlur(rest.astype(np.float32), (0, 0), 2.0) + FLOOR
+    disc, spot = (cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)) for size in (BROADEST, FINE))
     for j, picture in enumerate(dark):
         level = cv2.GaussianBlur(np.maximum(picture - rest, 0).astype(np.float32), (0, 0), 0.7)
-        level = cv2.morphologyEx(level, cv2.MORPH_TOPHAT, disc)
+        small, level = (cv2.morphologyEx(level, cv2.MORPH_TOPHAT, shape) / ground for shape in (spot, disc))
         top = (level >= cv2.dilate(level, np.ones((7, 7), np.uint8)) - 1e-3) & (level > BRIGHT * level.max())
         _, labels, _, centre = cv2.connectedComponentsWithStats(top.astype(np.uint8), connectivity=8)
         height = np.zeros(len(centre), np.float32)
@@ -148,4 +153,6 @@ def _moving_peaks(dark: UInt8[np.ndarray, "n a b"]) -> tuple[np.ndarray, Float[n
         strongest = strongest[height[strongest] > 0]
         of += [j] * len(strongest)
         at += [centre[k] for k in strongest]
-    return np.array(of, int), np.array(at).reshape(-1, 2)
+        x, y = np.rint(centre[strongest]).astype(int).T
+        fine += (small[y, x] / level[y, x].clip(1e-6)).tolist()
+    return np.array(of, int), np.array(at).reshape(-1, 2), np.array(fine, np.float32)

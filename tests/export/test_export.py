@@ -98,6 +98,15 @@ def test_meshes_open_elsewhere_with_what_was_written(tmp_path, suffix):
     assert np.median(angle_deg(np.asarray(mesh.vertex_normals), truth.map[truth.mask])) < 10
 
 
+@pytest.mark.parametrize("channels", [1, 3])
+def test_meshes_are_as_bright_as_the_albedo_of_one_channel_or_three(tmp_path, channels):
+    albedo = np.full((6, 8, channels), 0.2140, np.float32)  # 127 in sRGB
+    flat = pn.Normals(np.tile(np.float32([0, 0, 1]), (6, 8, 1)))
+    ply, obj = (pn.save(plane(), tmp_path / f"plane{kind}", flat, albedo) for kind in (".ply", ".obj"))
+    assert np.unique(trimesh.load(ply, process=False).visual.vertex_colors).tolist() == [127, 255]
+    assert obj.read_text().startswith("v 0.5 5.5 10 0.498039 0.498039 0.498039\n")
+
+
 def test_depth_npz_keeps_depth_mask_and_camera(tmp_path):
     K = np.diag([50.0, 50, 1])
     with np.load(pn.save(plane(K=K), tmp_path / "depth.npz")) as data:

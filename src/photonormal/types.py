@@ -266,8 +266,9 @@ class Surface:
 
     Parameters
     ----------
-    depth : (h, w) float, NaN outside `mask`. Orthographic (`K` None): height towards the camera in pixels, up to one
-        constant per connected part. Perspective: distance along the optical axis, in units of its mean
+    depth : (h, w) float, single precision from `photonormal.integrate`, NaN outside `mask`. Orthographic (`K` None):
+        height towards the camera in pixels, up to one constant per connected part. Perspective: distance along the
+        optical axis, in units of its mean
     mask : (h, w) bool
     K : (3, 3) camera matrix in pixels (x right, y down) of a perspective view, or None
     """

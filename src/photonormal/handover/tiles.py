@@ -72,7 +72,7 @@ def _tile(flat: Layers, *planes: Rows) -> Layers:
     for rows in bands(h, w):
         slopes = p[rows], q[rows]
         normals[rows] = normalised(np.stack([*slopes, np.ones_like(slopes[0])], axis=-1))
-    height = integrate(Normals(normals, np.ones((h, w), bool)), "periodic").depth.astype(np.float32)
+    height = integrate(Normals(normals, np.ones((h, w), bool)), "periodic").depth
     step = occlusion.step_for(2 * h, 2 * w)
     some, N = height[::step, ::step], normals[::step, ::step]
     around = [(side // 2, side // 2) for side in some.shape]

@@ -51,7 +51,7 @@ class Periodic:
                 return (gx - np.roll(gx, 1, 1))[1:-1] + gy[1:] - gy[:-1]
 
             z, _ = conjugate_gradients(laplacian, -f, z, lambda r: poisson(-r), self.tolerance, most=2000)
-        return Surface(np.where(mask, z - z[mask].mean(), np.nan), mask)
+        return Surface(np.where(mask, z - z[mask].mean(), np.nan).astype(np.float32), mask)
 
 
 def poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:

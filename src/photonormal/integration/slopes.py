@@ -142,7 +142,7 @@ def surface(z: Float[np.ndarray, "h w"], slopes: Slopes) -> Surface:
     size = np.maximum(np.sum(each_band(lambda y: np.bincount(parts[y].ravel(), None, count), *mask.shape), axis=0), 1)
     middle = means(lambda y: z[y])
     scale = np.ones(count) if slopes.K is None else means(lambda y: np.exp((z[y] - middle[parts[y]]) / f))
-    depth = np.full(slopes.normals.mask.shape, np.nan)
+    depth = np.full(slopes.normals.mask.shape, np.nan, np.float32)
     inside = depth[slopes.box]
 
     def fixed(y: slice) -> None:
@@ -150,7 +150,7 @@ def surface(z: Float[np.ndarray, "h w"], slopes: Slopes) -> Surface:
         found = z[y] - middle[of]
         if slopes.K is not None:
             found = np.exp(found / f) / scale[of]
-        np.copyto(inside[y], found, where=of > 0)
+        np.copyto(inside[y], found, where=of > 0, casting="same_kind")
 
     each_band(fixed, *mask.shape)
     return Surface(depth, slopes.normals.mask, slopes.K)

@@ -11,6 +11,7 @@ import photonormal as pn
 from photonormal import InputError
 from photonormal.cli import main
 from photonormal.geometry import angle_deg, normalised, rotation_about_view
+from photonormal.methods.uncalibrated import reduced as small_square
 from photonormal.methods.uncalibrated.frame import Believed, curl, settled
 from photonormal.methods.uncalibrated.limits import spread_deg
 from photonormal.methods.uncalibrated.reduced import AROUND, reduced
@@ -119,6 +120,18 @@ def test_a_reduced_object_is_in_the_middle_and_keeps_its_radiance():
     for image, level in zip(found, (0.2, 0.4, 0.8), strict=True):
         np.testing.assert_allclose(image[0][inside].numpy(), level, rtol=1e-4)
         assert not image[0][~inside].any()
+
+
+def test_a_large_picture_is_reduced_some_rows_at_a_time(monkeypatch):
+    y, x = np.mgrid[-1:1:310j, -1.5:1.5:470j]
+    images = (2 + np.stack([x + y, x - y, np.sin(3 * x)]))[..., None].astype(np.float32)
+    capture = Capture(images, x**2 / 2 + y**2 < 0.9)
+    at_once, inside = reduced(capture, 32)
+    monkeypatch.setattr(small_square, "DETAIL", 3)
+    monkeypatch.setattr(small_square, "PIXELS", 20_000)
+    found, known = reduced(capture, 32)
+    assert (known != inside).sum() < 10
+    assert (found - at_once)[..., known & inside].abs().max() < 0.05
 
 
 def test_along_a_cylinder_lights_stay_as_they_were_given():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import torch
 from jaxtyping import Bool, Float
@@ -10,32 +12,44 @@ from torch import Tensor
 from photonormal.types import Capture, box_of
 
 AROUND = 1.1  # side of the square over the longer side of the object
+DETAIL = 8  # pixels of a picture, along a side, that become one of the square at most
+PIXELS = 2**20  # of a picture, read at a time
 
 
 def reduced(capture: Capture, side: int) -> tuple[Float[Tensor, "n c s s"], Bool[Tensor, "s s"]]:
     """All images of the object in a square of `side` pixels, zero outside the mask, which is given beside them.
 
-    The object is in the square's middle; linear radiance is averaged over the part of a pixel's area on the mask.
+    The object is in the square's middle; linear radiance is averaged over the part of a pixel's area on the mask. Large
+    pictures are read some rows at a time, and every few rows and columns become one first.
     """
     import cv2
 
     rows, columns = box_of(capture.mask)
-    mask = capture.mask[rows, columns]
-    h, w = mask.shape
+    step = max(1, max(rows.stop - rows.start, columns.stop - columns.start) // (DETAIL * side))
+    h, w = ((span.stop - span.start) // step for span in (rows, columns))
     edge = int(np.ceil(AROUND * max(h, w)))
     top, left = (edge - h) // 2, (edge - w) // 2
+    columns = slice(columns.start, columns.start + w * step)
+    high = max(1, PIXELS // (w * step**2))
+    bands = [(y, min(y + high, h)) for y in range(0, h, high)]
 
-    def small(map: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "s s c"]:
-        square = np.zeros((edge, edge, map.shape[2]), np.float32)
-        square[top : top + h, left : left + w] = map
+    def small(part: Callable[[slice], Float[np.ndarray, "k l c"]], channels: int) -> Float[np.ndarray, "s s c"]:
+        square = np.zeros((edge, edge, channels), np.float32)
+        for first, last in bands:
+            found = part(slice(rows.start + first * step, rows.start + last * step))
+            found = cv2.resize(found, (w, last - first), interpolation=cv2.INTER_AREA)
+            square[top + first : top + last, left : left + w] = found.reshape(last - first, w, channels)
         return cv2.resize(square, (side, side), interpolation=cv2.INTER_AREA).reshape(side, side, -1)
 
-    share = small(mask[..., None].astype(np.float32))  # (s, s, 1)
+    share = small(lambda band: capture.mask[band, columns, None].astype(np.float32), 1)  # (s, s, 1)
     inside = share[..., 0] > 0.5
 
     def read(j: int) -> Float[np.ndarray, "c s s"]:
-        image = np.nan_to_num(capture.window(j, rows, columns), nan=0, posinf=0, neginf=0)
-        found = small(image * mask[..., None]) / np.maximum(share, 0.5) * inside[..., None]
+        def on_object(band: slice) -> Float[np.ndarray, "k l c"]:
+            image = np.nan_to_num(capture.window(j, band, columns), nan=0, posinf=0, neginf=0)
+            return image * capture.mask[band, columns, None]
+
+        found = small(on_object, capture.images.shape[3]) / np.maximum(share, 0.5) * inside[..., None]
         return np.ascontiguousarray(found.transpose(2, 0, 1))
 
     return torch.from_numpy(np.stack(capture.each_image(read))), torch.from_numpy(inside)

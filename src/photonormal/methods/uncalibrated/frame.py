@@ -4,7 +4,8 @@ I = b.s for scaled normals b and lights s, and so it is for b (1 + E)^-T and s (
 first order. The normals are a surface's, so their slopes have no curl: A. Yuille, D. Snow, CVPR 1997; that leaves the
 generalised bas-relief maps, and is as certain as the parts of the picture agree. And the lights lie near others that
 are believed on the whole: given ones, or those that a network tells. Where intensities are unknown, so that a tilt of
-all normals changes them alone, an object that is seen whole faces the camera in the mean.
+all normals changes them alone, an object that is seen whole faces the camera in the mean, its albedo does not follow
+its normals (`albedo.py`), and its highlights are those of one material (`highlights.py`).
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ LENGTHS_INDEPENDENT = 2.0  # of the errors of lengths against intensities, most 
 ROUNDS = 12  # of reweighting
 KEPT = 1e8  # precision with which the map's trace stays: nothing tells the scale of all lights
 TRACE = torch.eye(3, dtype=torch.float64).flatten()
+BASRELIEF = torch.eye(9, dtype=torch.float64)[[2, 5, 8]]  # entries of E that tilt all normals, and deepen them
 TURN = torch.tensor(
     [0, 1, 0, -1, 0, 0, 0, 0, 0], dtype=torch.float64
 )  # E of all lights, by a radian about the view axis
@@ -75,7 +77,7 @@ def settled(
     for told in others:
         if told is not None:
             H, y = H + told.rows.T @ told.precision @ told.rows, y + told.rows.T @ told.precision @ told.told
-    of_lights = [directions(s, believed.lights), lengths(s, believed.intensities)]
+    of_lights = [directions(s, believed), lengths(s, believed.intensities)]
     independent = believed.independent, LENGTHS_INDEPENDENT
     E, all_turned = torch.zeros(9, dtype=torch.float64), 0.0
     for _ in range(ROUNDS):
@@ -95,10 +97,15 @@ def settled(
     return (s.double() @ (torch.eye(3, dtype=torch.float64) + share * E.reshape(3, 3))).to(s.dtype)
 
 
-def directions(s: Float[Tensor, "n 3"], L: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor, int]:
-    """What E changes of the lights' directions (n, 3, 9), by how much they are off (n, 3), of how many numbers each."""
-    unit, L = normalised(s.double()), L.double()
-    across = torch.eye(3, dtype=torch.float64) - L[:, :, None] * L[:, None, :]  # (n, 3, 3): at right angles to each
+def directions(s: Float[Tensor, "n 3"], believed: Believed) -> tuple[Tensor, Tensor, int]:
+    """What E changes of the lights' directions (n, 3, 9), by how much they are off (n, 3), of how many numbers each.
+
+    Both are taken at right angles to the believed lights, whose errors are shared; to s, where each has its own: those
+    would shorten the mean of the believed lights, and move all away from the camera's axis.
+    """
+    unit, L = normalised(s.double()), believed.lights.double()
+    axis = unit if believed.independent >= len(s) else L
+    across = torch.eye(3, dtype=torch.float64) - axis[:, :, None] * axis[:, None, :]  # (n, 3, 3)
     return torch.einsum("nab,nc->nacb", across, unit).flatten(2), (across @ (L - unit)[..., None])[..., 0], 2
 
 
@@ -134,7 +141,11 @@ def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Evidence | Non
     None where too few normals have neighbours.
     """
     told = curl_of(N, inside)
-    return None if told is None else fitted(of_curl(), told.J, told.r, told.weight, part_of(told.whole))
+    if told is None:
+        return None
+    theta, covariance = fitted(told.J, told.r, told.weight, part_of(told.whole))
+    floor = (CURL_FLOOR**2 + (CURL_SECOND * theta**2) ** 2).diag()
+    return Evidence(of_curl(), theta, torch.linalg.inv(covariance + floor))
 
 
 def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None:
@@ -169,14 +180,10 @@ def facing(N: Float[Tensor, "p 3"]) -> Evidence:
 
 
 def fitted(
-    rows: Float[Tensor, "k 9"],
-    J: Float[Tensor, "q k"],
-    r: Float[Tensor, " q"],
-    weight: Float[Tensor, " q"],
-    part: Tensor,
-) -> Evidence:
+    J: Float[Tensor, "q k"], r: Float[Tensor, " q"], weight: Float[Tensor, " q"], part: Tensor
+) -> tuple[Float[Tensor, " k"], Float[Tensor, "k k"]]:
     """argmin sum_q -1 / (1 + (weight (r - J theta))_q^2 / spread^2), spread from a median: edges, where a surface has
-    no slopes, don't count. Its covariance by how much the parts disagree."""
+    no slopes and paint another colour, don't count. Its covariance by how much the parts disagree."""
     eye = torch.eye(J.shape[1], dtype=torch.float64)
     theta = torch.zeros(J.shape[1], dtype=torch.float64)
     v, H = weight, eye
@@ -188,8 +195,7 @@ def fitted(
     pull = torch.zeros(PARTS**2, J.shape[1], dtype=torch.float64)
     pull.index_add_(0, part, J * (v * (r - J @ theta))[:, None])
     inverse = torch.linalg.inv(H)
-    floor = (CURL_FLOOR**2 + (CURL_SECOND * theta**2) ** 2).diag()
-    return Evidence(rows, theta, torch.linalg.inv(inverse @ (pull.T @ pull) @ inverse + floor))
+    return theta, inverse @ (pull.T @ pull) @ inverse
 
 
 def on_map(values: Tensor, inside: Bool[Tensor, "h w"]) -> Tensor:

@@ -8,7 +8,9 @@ from torch import Tensor
 
 from photonormal.methods.classical.l1 import L1
 from photonormal.methods.classical.trimmed import Trimmed
+from photonormal.methods.uncalibrated.albedo import unshaded
 from photonormal.methods.uncalibrated.frame import Believed, curl, facing, settled
+from photonormal.methods.uncalibrated.highlights import highlights
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.shading import angle_deg, cosines, normalised
 
@@ -16,8 +18,8 @@ SPREAD = 0.1  # of a sample over its albedo, beyond which it loses weight: a hig
 GRAZING = 0.05  # cosine below which a light tells nothing of itself at a pixel
 FAR = 10.0  # factor by which a light is brighter or darker than most, from which on its pixels don't tell it
 TIED = 1e-3  # weight of a light as it was, over that of all samples
-MANY = 16  # lights, of whose samples some can be left out
-ROUNDS = 12
+MANY = 16  # lights, of whose samples some can be left out, so that albedo is free of shine
+ROUNDS = 20
 DAMPED = 0.6  # share of the frame's map that is applied in a round where it may be large: lights unknown
 AGREE_DEG = 0.05  # mean change of the lights in a round, after which they have settled
 SETTLED_DEG = 0.6  # and from which on, in the last round, lights and normals contradict each other
@@ -36,8 +38,13 @@ def rounds(
     N = torch.zeros(len(shown.I), 3)
     for _ in range(ROUNDS):
         N = normals_under(shown, s)
-        others = [curl(N, shown.inside), facing(N) if unknown else None]
-        before, s = normalised(s), settled(lights_of(shown, N, s), believed, others, DAMPED if unknown else 1.0)
+        before, s = normalised(s), lights_of(shown, N, s)
+        others = [curl(N, shown.inside)]
+        if unknown:
+            others += [facing(N), highlights(shown, N, s)]
+        if unknown and len(s) >= MANY:
+            others += [unshaded(albedo(shown, N, s), N, shown.inside, len(s))]
+        s = settled(s, believed, others, DAMPED if unknown else 1.0)
         s = s / s.norm(dim=1).mean()
         moved = float(angle_deg(before, normalised(s)).mean())
         if moved < AGREE_DEG:

@@ -46,8 +46,8 @@ def reduced(capture: Capture, side: int) -> tuple[Float[Tensor, "n c s s"], Bool
 
     def read(j: int) -> Float[np.ndarray, "c s s"]:
         def on_object(band: slice) -> Float[np.ndarray, "k l c"]:
-            image = np.nan_to_num(capture.window(j, band, columns), nan=0, posinf=0, neginf=0)
-            return image * capture.mask[band, columns, None]
+            image = capture.window(j, band, columns)
+            return np.where(np.isfinite(image) & capture.mask[band, columns, None], image, np.float32(0))
 
         found = small(on_object, capture.images.shape[3]) / np.maximum(share, 0.5) * inside[..., None]
         return np.ascontiguousarray(found.transpose(2, 0, 1))

@@ -73,6 +73,8 @@ def check_value(value: Any, kind: Any, called: str) -> None:
 
 def _meaning(kind: Any) -> str:
     """What a kind says of itself, also where it is one of several."""
+    if kind is bool:
+        return "true or false"
     for part in get_args(kind):
         found = part.description if isinstance(part, Meta) else _meaning(part)
         if found:

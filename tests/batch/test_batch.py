@@ -4,6 +4,7 @@ import csv
 import json
 import os
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -120,6 +121,16 @@ def test_each_result_has_a_page_that_its_row_opens(season, tmp_path, here, batch
     assert 'href="vase-1/view.html"' in (results / "index.html").read_text()
     page = (results / "vase-1" / "view.html").read_text()
     assert '"tile/0/normals/0/0/0":' in page and "`photonormal view` shows all" in page
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names of files are text")
+def test_names_that_are_no_text_are_measured_and_told(season, tmp_path, here, batch):
+    (season / "vase-0").rename(season / os.fsdecode(b"caf\xe9"))
+    (season / "vase-1").rename(season / "report.json")  # which a file of the batch is called
+    code, _, err = batch()
+    assert code == 1 and err.count("\n") == 1 and "results/report.json is a file but a folder" in err
+    assert sorted(rows(tmp_path / "results")) == [r"caf\udce9", "report.json", "vase-2"]
+    assert (tmp_path / "results" / os.fsdecode(b"caf\xe9") / "view.html").is_file()
 
 
 def test_a_result_stays_when_its_photographs_break(season, tmp_path, here, batch):

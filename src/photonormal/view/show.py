@@ -101,7 +101,7 @@ def small_page(result: Result, name: str) -> bytes:
 
 def _one_file(shown: Shown, about: dict[str, Any]) -> bytes:
     tiles = {f"tile/0/{path}": base64.b64encode(tile).decode() for path, tile in _tiles(shown, about)}
-    return result_page([about], tiles).encode()
+    return result_page([about], tiles).encode("utf-8", "replace")  # names of files may be no text
 
 
 def _tiles(shown: Shown, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:

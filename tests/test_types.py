@@ -137,6 +137,7 @@ class TestLamps:
         ("positions_mm", "camera", "said"),
         [
             (S / 1000, CAMERA, "multiply the positions by 1000, since they look like metres"),
+            (S / 10, CAMERA, "multiply the positions by 10, since they look like centimetres"),
             (S * [[0.1], [1], [1], [1]], CAMERA, "the lamp of a is 30 mm from the middle of an object"),
             (S[:3], CAMERA, "3 lamps came for 4 images"),
             (S, None, "--mm-per-px"),

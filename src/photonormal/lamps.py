@@ -11,6 +11,8 @@ from jaxtyping import Bool, Float
 
 from photonormal.errors import InputError
 
+UNITS = {10: "centimetres", 25.4: "inches", 1000: "metres"}  # millimetres that each holds
+FARTHEST = 100  # of an object's radius, that lamps are far away
 COPLANAR = 1000.0  # condition number of the lights above which three dimensions are not spanned in practice
 
 
@@ -148,10 +150,15 @@ def from_the_middle(
     r, radius = np.linalg.norm(L, axis=1), float(np.linalg.norm(X - X.mean(0), axis=1).max())
     nearest = int(r.argmin())
     if r[nearest] < max(radius, camera.mm_per_px):
-        metres = np.median(r) < radius and 1000 * np.median(r) > 2 * radius
+        usual = float(np.median(r))
+        factor = next((f for f in UNITS if usual < radius and 2 * radius < f * usual < FARTHEST * radius), None)
         raise InputError(
             f"the lamp of {names[nearest]} is {r[nearest]:.3g} mm from the middle of an object {2 * radius:.3g} mm "
             "wide, inside it, but lamps around it, in millimetres, are needed; "
-            + ("multiply the positions by 1000, since they look like metres." if metres else "correct it or the scale.")
+            + (
+                "correct it or the scale."
+                if factor is None
+                else f"multiply the positions by {factor}, since they look like {UNITS[factor]}."
+            )
         )
     return L

@@ -61,3 +61,9 @@ def test_real_objects(data, name, least):
     images = ImageFiles(paths, None, np.ones((len(paths), 1)))
     found = mask_from_shading(np.stack([images[j].mean(-1) for j in range(len(paths))]))
     assert overlap(found, read_mask(next(folder.glob("*.mask.png")))) > least
+
+
+def test_a_mask_is_the_same_each_time():
+    pictures, _ = on_ground(0.06, 0.15)
+    first = mask_from_shading(pictures)
+    assert all(np.array_equal(first, mask_from_shading(pictures)) for _ in range(2))

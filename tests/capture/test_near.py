@@ -44,7 +44,7 @@ def test_a_dome_is_around_the_object(tmp_path):
         ({"mm_per_px": 0.5}, "unit vectors"),
         ({"dome_radius_mm": 250}, "without --mm-per-px"),
         ({"focal_px": 900}, "without --mm-per-px"),
-        ({"mm_per_px": 0.5, "dome_radius_mm": 0.5}, "look like metres"),
+        ({"mm_per_px": 0.5, "dome_radius_mm": 0.5}, "in millimetres, are needed; multiply the positions by"),
         ({"mm_per_px": 0.5, "dome_radius_mm": -3}, "--dome-radius-mm is -3"),
         ({"mm_per_px": -1, "dome_radius_mm": 250}, "-1 mm wide"),
     ],

@@ -62,6 +62,7 @@ def _cut(grey: UInt8[np.ndarray, "h w"], split: float) -> UInt8[np.ndarray, "h w
     labels = np.where(grey > split, np.where(sure, cv2.GC_FGD, cv2.GC_PR_FGD), cv2.GC_PR_BGD)
     labels[ground] = cv2.GC_BGD
     colour, models = np.repeat(grey[..., None], 3, axis=-1), (np.zeros((1, 65)), np.zeros((1, 65)))
+    cv2.setRNGSeed(0)  # its clusters begin at random: the same pictures are to give the same mask
     cut = cv2.grabCut(colour, labels.astype(np.uint8), (0, 0, 0, 0), *models, 3, cv2.GC_INIT_WITH_MASK)[0]
     return np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
 

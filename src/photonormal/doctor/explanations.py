@@ -25,6 +25,8 @@ LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of
 BY_FACTORS = 1.05  # misfit with twice the angles, as part of that with a factor for each light
 CORRECTED = 0.25  # misfit with twice the angles below which they are written
 OFFSET, ENCODED = 0.7, 0.7  # misfit with light that stays on, and of linearised samples
+EXPLAINED = 0.12  # misfit that light which stays on may leave: else neither explains the pictures
+AS_MATT, PLAINLY = 0.008, 0.4  # misfit that no material keeps below, and what is left of it where light stays on
 AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
 ON, OF_PIXELS = 0.1, 0.6  # that light, as part of full brightness, and the pixels that show most of it
 MOST = 0.06  # of it
@@ -82,7 +84,8 @@ def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | N
     size = np.linalg.norm(b[:, :3], axis=1).clip(1e-9)
     lifted, on = b[:, 3] / size, np.minimum(b[:, 3], pixels.I.min(1)) / size  # what stays on is on in shadows, too
     offset = pixels.gain(before, after)
-    ambient = _common(on) and offset.below(OFFSET)
+    plain = np.median(before) > AS_MATT or offset.left < PLAINLY
+    ambient = _common(on) and offset.below(OFFSET) and plain and np.median(after) < EXPLAINED
     if bits is not None and _common(lifted):
         curved, pro = (pixels.gain(before, pixels.showing(f(pixels.I)).fit(L)[1]) for f in (to_linear, _of_prophoto))
         linear = pro if pro.left < CLEARER * curved.left else curved

@@ -68,10 +68,11 @@ def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]
 
 
 def bits(samples: Samples, I: Float[np.ndarray, "p n"], capture: Capture) -> list[Finding]:
-    """Pictures of eight bits, and whether they hold enough of them, by grey levels of the object, too."""
+    """Pictures of eight bits, and whether they hold enough of them, by grey levels of the object."""
     if samples.bits != 8:
         return []
-    level = float(np.median(samples.level))
+    full = 1.0 if capture.saturation is None else capture.saturation.mean(1)  # (n,)
+    level = float(np.median(np.median(I, axis=0) / full))
     clipped = float(samples.saturated.mean()) > SATURATED / 5 or float((I <= 0).mean()) > CLIPPED
     dim = level < DIM
     if not (dim or clipped):

@@ -30,7 +30,6 @@ class Samples:
     mask : (h, w) bool, the grid
     grid : its rows and columns in the photographs
     saturated : (n,) fraction of the mask's samples
-    level : (n,) median grey level inside the mask, as a fraction of full scale
     small : (n, a, b) grey pictures of the mask's box at `scale`
     middle : where in them, row and column, the middle of the frame lies
     bits : 8, 12 or 16 that the samples really use; None for floats
@@ -40,7 +39,6 @@ class Samples:
     mask: Bool[np.ndarray, "h w"]
     grid: tuple[slice, slice]
     saturated: Float[np.ndarray, " n"]
-    level: Float[np.ndarray, " n"]
     small: Float[np.ndarray, "n a b"]
     scale: float
     middle: tuple[float, float]
@@ -60,9 +58,8 @@ def read(capture: Capture) -> Samples:
     bands = row_bands(np.ones((rows.stop - rows.start, columns.stop - columns.start), bool))
     kind = np.dtype(getattr(capture.images, "dtype", np.float32))
 
-    def one(j: int) -> tuple[np.ndarray, float, float, np.ndarray, int]:
+    def one(j: int) -> tuple[np.ndarray, float, np.ndarray, int]:
         white = np.inf if capture.saturation is None else capture.saturation[j]
-        full = 1.0 if capture.saturation is None else float(np.mean(capture.saturation[j]))
         grey = np.empty((rows.stop - rows.start, columns.stop - columns.start), np.float32)
         saturated, on_grid = 0.0, []
         for band in bands:
@@ -78,19 +75,17 @@ def read(capture: Capture) -> Samples:
         return (
             inside.mean(-1),
             saturated / count,
-            float(np.median(inside)) / full,
             _small(grey, scale),
             _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
         )
 
-    I, saturated, level, small, bits = zip(*capture.each_image(one), strict=True)
+    I, saturated, small, bits = zip(*capture.each_image(one), strict=True)
     levels = np.stack(I, axis=-1).astype(np.float64)
     return Samples(
         np.minimum(levels, np.quantile(levels, CAP)),
         mask[grid],
         grid,
         np.array(saturated),
-        np.array(level),
         np.stack(small),
         scale,
         (_middle(rows, mask.shape[0], scale), _middle(columns, mask.shape[1], scale)),

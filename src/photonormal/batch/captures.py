@@ -56,24 +56,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
     InputError
         If a pattern matches nothing, a list can't be used, or two captures have one name.
     """
-    found: list[tuple[Path, str, dict[str, Any]]] = []
-    fixed: list[Path] = []
-    left_out: list[Path] = []
-    others = [Path(os.path.abspath(p)) for p in (out, like.sphere) if str(p)]  # folders whose content is no capture
-    for text in captures:
-        path = Path(text)
-        if path.suffix.lower() in LISTS and path.is_file():
-            found += _listed(path, kinds)
-            continue
-        there = os.path.lexists(path)
-        for match in [path] if there else _matched(text):
-            if any(Path(os.path.abspath(match)).is_relative_to(other) for other in others):
-                continue
-            if match.is_file() and match.suffix.lower() != ".lp":
-                left_out.append(match)
-                continue
-            fixed.append(Path(os.path.abspath(path)).parent if there else _fixed(text))
-            found.append((match, "", {}))
+    found, fixed, left_out = _found(captures, [p for p in (out, like.sphere) if str(p)], kinds)
     if not found:
         what = f"{left_out[0]} is a file" if left_out else f"{captures[0] if captures else 'nothing'} came"
         raise InputError(
@@ -92,6 +75,29 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
         if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
             raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
     return Found([named[name] for name in sorted(named, key=natural)], left_out)
+
+
+def _found(
+    captures: Sequence[str], others: Sequence[Path | str], kinds: Mapping[str, Any]
+) -> tuple[list[tuple[Path, str, dict[str, Any]]], list[Path], list[Path]]:
+    """Captures with their names and options, as far as they have some, the folders that names are below, and files that
+    are no captures. What lies in `others` is none, either."""
+    found, fixed, left_out = [], [], []
+    for text in captures:
+        path = Path(text)
+        if path.suffix.lower() in LISTS and path.is_file():
+            found += _listed(path, kinds)
+            continue
+        there = os.path.lexists(path)
+        for match in [path] if there else _matched(text):
+            if any(Path(os.path.abspath(match)).is_relative_to(os.path.abspath(other)) for other in others):
+                continue
+            if match.is_file() and match.suffix.lower() != ".lp":
+                left_out.append(match)
+                continue
+            fixed.append(Path(os.path.abspath(path)).parent if there else _fixed(text))
+            found.append((match, "", {}))
+    return found, fixed, left_out
 
 
 def natural(name: str) -> list[tuple[bool, int, str]]:

@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from photonormal.geometry import angle_deg
 from photonormal.methods.uncalibrated.albedo import unshaded
+from photonormal.methods.uncalibrated.frame import BASRELIEF, Believed, Evidence, settled
 from photonormal.methods.uncalibrated.highlights import highlights
 from photonormal.methods.uncalibrated.shown import Shown
-from tests.methods.uncalibrated.test_refine import scattered
+from tests.methods.uncalibrated.test_refine import scattered, shaken
 from tests.scenes import sphere
 
 TOLD = np.array([0.08, -0.06, 0.1])
@@ -66,6 +68,24 @@ def test_a_matt_surface_has_no_highlights_that_tell_anything(shift):
     shown, N, s = seen(0)
     told = highlights(shown, *(moved(N, s)[:2] if shift else (N, s)))
     assert torch.isfinite(told.precision).all() and (sd(told)[:2] > 1).all()
+
+
+def test_large_errors_of_each_lights_own_leave_the_frame_as_it_is():
+    L = scattered(2000)
+    wrong = torch.from_numpy(shaken(L, 15)).float()
+    right = torch.from_numpy(L).float()
+    assert angle_deg(settled(right, Believed(wrong, 2000.0, torch.ones(2000)), []).numpy(), L).mean() < 1
+
+
+def test_the_more_believed_lights_may_share_of_an_error_the_more_other_evidence_counts():
+    L = torch.from_numpy(scattered(40)).float()
+    flatter = torch.nn.functional.normalize(L * torch.tensor([1.0, 1.0, 0.8]), dim=1)
+    deeper = Evidence(BASRELIEF, torch.zeros(3).double(), torch.eye(3).double() / 0.05**2)
+    left = [
+        angle_deg(settled(L, Believed(flatter, 3.0, torch.ones(40), off=off), [deeper]).numpy(), L.numpy()).mean()
+        for off in (0.0, 0.2)
+    ]
+    assert left[1] < 0.5 * left[0]
 
 
 def test_too_few_pixels_tell_nothing():

@@ -13,7 +13,7 @@ from torch import Tensor
 from photonormal.methods.uncalibrated.frame import BASRELIEF, FEWEST, STEEP, Evidence, fitted, on_map, part_of
 
 APART = 4  # pixels between which it is compared
-FLOOR = (0.02, 0.02, 0.06)  # least standard error under many lights, tilts and depth
+FLOOR = (0.02, 0.02, 0.04)  # least standard error under many lights, tilts and depth
 FEW = 32  # lights, of which errors are by 1.4 larger: shine pulls normals towards the middle of few lights
 TEXTURE = 2500.0  # times the square of what the parts disagree by: texture leads them all astray
 

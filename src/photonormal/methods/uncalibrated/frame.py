@@ -48,12 +48,14 @@ class Believed:
     independent : how many of their errors are independent of each other; of given lights all n
     intensities : (n,), up to a factor
     turned : by how much they may all be turned about the view axis, radians, standard deviation
+    off : by how much directions are off as a rule, radians, where errors that all share don't show in their scatter
     """
 
     lights: Float[Tensor, "n 3"]
     independent: float
     intensities: Float[Tensor, " n"]
     turned: float = 0.0
+    off: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -79,13 +81,14 @@ def settled(
             H, y = H + told.rows.T @ told.precision @ told.rows, y + told.rows.T @ told.precision @ told.told
     of_lights = [directions(s, believed), lengths(s, believed.intensities)]
     independent = believed.independent, LENGTHS_INDEPENDENT
+    least = max(believed.off**2 / 2, 1e-5), 1e-5  # variance of one number
     E, all_turned = torch.zeros(9, dtype=torch.float64), 0.0
     for _ in range(ROUNDS):
         P, b = torch.zeros_like(H), torch.zeros_like(y)
-        for (J, r, free), m in zip(of_lights, independent, strict=True):
+        for (J, r, free), m, smallest in zip(of_lights, independent, least, strict=True):
             off = (r - J @ (E - all_turned * TURN)).square().sum(1)  # (n,)
             w = 1 / (1 + off / (9 * off.median().clamp(min=1e-6)))
-            variance = ((w * off).sum() / (free * w.sum() - 8).clamp(min=2)).clamp(min=1e-5)
+            variance = ((w * off).sum() / (free * w.sum() - 8).clamp(min=2)).clamp(min=smallest)
             weight = w / variance * (m / len(s))
             P = P + torch.einsum("nki,n,nkj->ij", J, weight, J)
             b = b + torch.einsum("nki,n,nk->i", J, weight, r)

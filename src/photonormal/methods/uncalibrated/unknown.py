@@ -40,10 +40,9 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
         shown = Shown.of(capture)
         refuse_unshaded(shown, capture.name)
         first = guess(load(shipped(LIGHTS), "lightsnet"), capture, device)
-        start, believed = (
-            first.lights * first.intensities[:, None],
-            Believed(first.lights, INDEPENDENT, first.intensities),
-        )
+        start = first.lights * first.intensities[:, None]
+        off = GUESS_OFF * float(first.told_deg.mean().deg2rad())
+        believed = Believed(first.lights, INDEPENDENT, first.intensities, off=off)
         s, N, moved_deg = rounds(shown, start, believed, unknown=True)
     apart_deg = float(angle_deg(normalised(s), first.lights).mean())
     settled = moved_deg < STILL_DEG and apart_deg < FAR_OFF * float(first.told_deg.mean())

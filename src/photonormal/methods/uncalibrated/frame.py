@@ -79,34 +79,35 @@ def settled(
     for told in others:
         if told is not None:
             H, y = H + told.rows.T @ told.precision @ told.rows, y + told.rows.T @ told.precision @ told.told
-    of_lights = [directions(s, believed), lengths(s, believed.intensities)]
     independent = believed.independent, LENGTHS_INDEPENDENT
     least = max(believed.off**2 / 2, 1e-5), 1e-5  # variance of one number
-    E, all_turned = torch.zeros(9, dtype=torch.float64), 0.0
+    E, turn = torch.zeros(9, dtype=torch.float64), 0.0
     for _ in range(ROUNDS):
         P, b = torch.zeros_like(H), torch.zeros_like(y)
+        of_lights = [directions(s, believed, turn), lengths(s, believed.intensities)]
         for (J, r, free), m, smallest in zip(of_lights, independent, least, strict=True):
-            off = (r - J @ (E - all_turned * TURN)).square().sum(1)  # (n,)
+            off = (r - J @ E).square().sum(1)  # (n,)
             w = 1 / (1 + off / (9 * off.median().clamp(min=1e-6)))
             variance = ((w * off).sum() / (free * w.sum() - 8).clamp(min=2)).clamp(min=smallest)
             weight = w / variance * (m / len(s))
             P = P + torch.einsum("nki,n,nkj->ij", J, weight, J)
             b = b + torch.einsum("nki,n,nk->i", J, weight, r)
-        free_turn = believed.turned**2 / (1 + believed.turned**2 * TURN @ P @ TURN)
-        E = torch.linalg.solve(
-            H + P - free_turn * torch.outer(P @ TURN, P @ TURN), y + b - free_turn * (TURN @ b) * (P @ TURN)
-        )
-        all_turned = free_turn * float(TURN @ (P @ E - b))
+        PT = P @ TURN
+        stiff = 1 + believed.turned**2 * float(TURN @ PT)
+        further, back = believed.turned**2 / stiff, turn / stiff  # variance of a further turn; the pull towards none
+        E = torch.linalg.solve(H + P - further * torch.outer(PT, PT), y + b - (further * (TURN @ b) + back) * PT)
+        turn += further * float(TURN @ (P @ E - b)) - back
     return (s.double() @ (torch.eye(3, dtype=torch.float64) + share * E.reshape(3, 3))).to(s.dtype)
 
 
-def directions(s: Float[Tensor, "n 3"], believed: Believed) -> tuple[Tensor, Tensor, int]:
+def directions(s: Float[Tensor, "n 3"], believed: Believed, turn: float) -> tuple[Tensor, Tensor, int]:
     """What E changes of the lights' directions (n, 3, 9), by how much they are off (n, 3), of how many numbers each.
 
-    Both are taken at right angles to the believed lights, whose errors are shared; to s, where each has its own: those
-    would shorten the mean of the believed lights, and move all away from the camera's axis.
+    The believed lights are turned by `turn` radians about the view axis first. Both are taken at right angles to them,
+    where their errors are shared; to s, where each has its own: those would shorten the mean of the believed lights,
+    and move all away from the camera's axis.
     """
-    unit, L = normalised(s.double()), believed.lights.double()
+    unit, L = normalised(s.double()), believed.lights.double() @ torch.matrix_exp(turn * TURN.reshape(3, 3))
     axis = unit if believed.independent >= len(s) else L
     across = torch.eye(3, dtype=torch.float64) - axis[:, :, None] * axis[:, None, :]  # (n, 3, 3)
     return torch.einsum("nab,nc->nacb", across, unit).flatten(2), (across @ (L - unit)[..., None])[..., 0], 2

@@ -76,19 +76,19 @@ def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeyp
     write_diligent(tmp_path / "vase", lambertian(sphere(64), ring(5, 60)))
     if broken:
         cut(tmp_path / "vase" / "003.png")
-    found = jobs([str(tmp_path / "vase")], tmp_path / "results", Job(Path(), Path(), method="trimmed"), {})
+    (found,), _ = jobs([str(tmp_path / "vase")], tmp_path / "results", Job(Path(), Path(), method="trimmed"), {})
     begun = []
     with Client(n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None) as client:
-        (outcome,) = cluster._run(client, 0, 0.001, found, lambda *_: None, lambda *words: begun.append(words))
+        (outcome,) = cluster._run(client, 0, 0.001, [found], lambda *_: None, lambda *words: begun.append(words))
     assert sorted(rows.start for rows in solved) == [0, 37] and outcome.name == "vase"  # 32 below the top of the sphere
     assert threads == [1, 1, 1, 2]  # the last with those of all, which have nothing to do
     if broken:  # it is measured by one, as if it were small, and its files are known
         assert outcome.kind == "input" and "003.png is truncated" in outcome.failure
-        assert state_of(found[0].job).kind == "failed"
+        assert state_of(found.job).kind == "failed"
         return
     whole = pn.solve(pn.load(tmp_path / "vase"), "trimmed")
     assert np.abs(normals(tmp_path / "results", "vase") - whole.map).max() < 1e-6
-    assert state_of(found[0].job).kind == "done"
+    assert state_of(found.job).kind == "done"
 
 
 def test_captures_are_shared_by_the_workers_of_a_cluster_alone(season, tmp_path, batch):
@@ -113,7 +113,7 @@ def test_workers_of_another_version_or_other_code_are_named():
 
 def test_what_workers_end_without_a_scheduler_is_told(season, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "ALONE_S", 0.0)
-    named = jobs([str(season / "*")], tmp_path / "results", Job(Path(), Path(), method="woodham"), {})
+    named, _ = jobs([str(season / "*")], tmp_path / "results", Job(Path(), Path(), method="woodham"), {})
     carry_out(named[1].job)
     with at_once(named[2].job.out):
         assert [outcome.name for outcome in cluster._ended_alone([(n, 0.0) for n in named])] == ["vase-1"]

@@ -111,6 +111,7 @@ def measure(
     if examine:
         with _stage("check", seconds):
             findings = check(capture, told)
+        hand_back()
     warnings = [finding.message for finding in findings] if examine or told is None else list(told.notes)
     whole = given_back(capture) if solver.needs.lights else capture
     warnings += whole.notes[len(capture.notes) :]

@@ -77,7 +77,7 @@ def first_look(
                 here = moment(scaling, level[None, None, None] if scaling == "grey" else images, mask[None, None])
                 found = here if found is None else found.add_(here)
                 if start:
-                    I[:, j] = level.flatten()[inside]
+                    I[:, j] = level.flatten().index_select(0, inside)
                 advance()
             assert found is not None
             if found.numel() == 1:

@@ -13,7 +13,7 @@ from photonormal.types import Capture, box_of
 
 AROUND = 1.1  # side of the square over the longer side of the object
 DETAIL = 8  # pixels of a picture, along a side, that become one of the square at most
-PIXELS = 2**20  # of a picture, read at a time
+PIXELS = 2**17  # of a picture, read at a time: they fit into a cache
 
 
 def reduced(capture: Capture, side: int) -> tuple[Float[Tensor, "n c s s"], Bool[Tensor, "s s"]]:

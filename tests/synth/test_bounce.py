@@ -5,6 +5,7 @@ import math
 import torch
 
 from photonormal.synth import bounce
+from photonormal.synth.trace import NOWHERE
 
 S = 64
 
@@ -20,9 +21,11 @@ def bowl():
     return (z * inside)[None], inside[None], torch.where(inside, n, up)[None]
 
 
-def met(height, mask, normals):
+def met(height, mask, normals, behind=None):
+    """Where rays arrive from the pixels of `mask`; everything below the surface is solid, or down to `behind`."""
     directions, _ = bounce.rays(normals.flatten(2).transpose(1, 2), 0)
-    return bounce.hits(height, mask, normals, mask.flatten(1), directions)
+    deep = torch.full_like(height, NOWHERE) if behind is None else behind
+    return bounce.hits(height, deep, normals, mask.flatten(1), directions)
 
 
 def test_in_a_bowl_under_a_light_overhead_a_quarter_arrives_everywhere():
@@ -30,7 +33,7 @@ def test_in_a_bowl_under_a_light_overhead_a_quarter_arrives_everywhere():
     height, inside, normals = bowl()
     N = normals.flatten(2).transpose(1, 2)
     directions, density = bounce.rays(N, 0)
-    found = bounce.hits(height, inside | True, normals, inside.flatten(1), directions)[0].long()  # (q, m)
+    found = met(height, inside, normals)[0].long()  # (q, m)
     lit = (normals[:, 2] * inside).flatten()  # n.l of a light overhead, which all see
     share = ((directions[0] @ N[0, :, :, None])[..., 0] / density[0] / bounce.RAYS) * (found >= 0)
     own = (share * lit[found.clamp(min=0)]).sum(1)
@@ -48,7 +51,7 @@ def test_convex_and_flat_surfaces_get_nothing():
     assert (met(flat, flat == 0, up) < 0).all()
     height, inside, normals = bowl()
     outward = normals * torch.tensor([-1.0, -1, 1]).view(1, 3, 1, 1)
-    found = met(-height, inside, outward)
+    found = met(torch.where(inside, -height, NOWHERE), inside, outward)
     assert (found >= 0).float().mean() < 0.01
 
 
@@ -59,6 +62,23 @@ def test_the_top_of_a_step_sends_nothing_to_its_foot():
     up = torch.zeros(1, 3, S, S)
     up[:, 2] = 1
     assert (met(height, height >= 0, up) < 0).all()
+
+
+def test_light_passes_behind_what_is_thin_and_not_through_what_is_solid():
+    """A wall looks at a facing roof, over which a plate hangs that hides the middle of the roof from the camera."""
+    column = torch.arange(S).expand(S, S)
+    slope = torch.where(column < 32, 31.0 - column, column - 32.0)[None]
+    n = torch.stack([torch.where(column < 32, 1.0, -1.0), torch.zeros(S, S), torch.ones(S, S)])[None] * 0.5**0.5
+    plate = ((column > 36) & (column < 44))[None]
+    up = torch.tensor([0.0, 0, 1]).view(1, 3, 1, 1)
+    height, normals = torch.where(plate, 60.0, slope), torch.where(plate[:, None], up, n)
+    left = (column < 24)[None]
+    plate_alone = met(height, left, normals, torch.where(plate, 58.0, NOWHERE))
+    nothing, block = met(slope, left, n), met(height, left, normals)
+    beyond = [int(((found >= 0) & (found % S >= 44)).sum()) for found in (nothing, plate_alone, block)]
+    assert 0.75 * beyond[0] < beyond[1] < beyond[0]  # the plate takes what it covers
+    assert beyond[2] == 0
+    assert not plate.flatten()[plate_alone[plate_alone >= 0].long()].any()  # it looks away
 
 
 def test_rays_leave_with_the_density_that_they_say():

@@ -172,6 +172,19 @@ def test_cycles_scenes_come_back_from_their_files(tmp_path):
     assert not np.allclose(capture.images[0], pn.load(out / "L5" / "sphere.obj" / "images_diffuse").images[0])
 
 
+@fast
+def test_pleats_of_metal_come_back_from_their_files_and_have_its_colour(tmp_path):
+    out = render_scene_set("hollows", tmp_path / "h", ["pouch", "folds"], 4, 32, samples=2)
+    gold, aluminium = (pn.load(out / name) for name in ("pouch", "folds"))
+    assert gold.truth is not None and (gold.truth.map[gold.mask & gold.truth.mask][:, 2] > 0).all()
+
+    def red_over_blue(capture):
+        red, _, blue = np.mean([capture.images[j][capture.mask].mean(0) for j in range(4)], 0)
+        return red / blue
+
+    assert red_over_blue(gold) > 1.8 and abs(red_over_blue(aluminium) - 1) < 0.1
+
+
 @pytest.mark.data
 @fast
 def test_measured_scenes_come_back_from_their_files(tmp_path, data):

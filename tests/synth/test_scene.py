@@ -1,13 +1,16 @@
 """Rendered scenes obey the image-formation equation."""
 
+import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
 from photonormal.methods.classical.woodham import Woodham
 from photonormal.shading import LUMA
 from photonormal.synth.params import rng
+from photonormal.synth.pathtraced.compare import plain_coats
 from photonormal.synth.recipes import _NOISELESS, _PERFECT, recipe
 from photonormal.synth.scene import draw_scenes, frame, render
 from photonormal.synth.stream import render_block
@@ -128,6 +131,35 @@ def test_what_is_small_reflects_a_lamp_nearby_as_a_light_from_its_own_direction(
     far = added(None, to_lamp / to_lamp.norm()) * (36 / to_lamp.norm()) ** 2
     assert torch.allclose(added(36 / (SIZE / 2), from_middle), far, rtol=0.2)
     assert (added(None, from_middle) > 2 * far).all()  # so that the direction counts
+
+
+def test_light_in_a_matt_bowl_comes_back_again_and_again():
+    """60 degrees of a sphere send a quarter of what arrives to themselves, evenly."""
+    t = torch.arange(SIZE) + 0.5 - SIZE / 2
+    x, y = t.expand(SIZE, SIZE), -t[:, None].expand(SIZE, SIZE)
+    rim = 0.47 * SIZE
+    R = rim / math.sin(math.radians(60))
+    inside = x**2 + y**2 < rim**2
+    z = R / 2 - torch.where(inside, R**2 - x**2 - y**2, R**2 / 4).sqrt()
+    n = torch.where(inside, torch.stack([-x, -y, R / 2 - z]) / R, torch.tensor([0.0, 0, 1]).view(3, 1, 1))
+    nothing = torch.full((1, 2, SIZE, SIZE), NOWHERE)
+    bowl = Geometry(z[None], n[None], (z < 1)[None], torch.zeros(1, 3, SIZE, SIZE), nothing)
+    made = recipe("train", materials=(0.0, 0.0, 0.0, 0.0, 0.0, 1.0), varying=0.0, shadows=False, ambient=0.0)
+    scenes = draw_scenes(made, rng(0), 1, 1, None)
+    scenes = replace(
+        scenes, lights=torch.tensor([[[0.0, 0, 1]]]), coats=plain_coats(scenes.coats, np.array([0.9, 0.6, 0.3]))
+    )
+    pixels = torch.arange(SIZE**2)[None]
+
+    def light(bounces: int) -> torch.Tensor:
+        """Mean over the bowl of each channel, with that many bounces."""
+        scene = replace(scenes, bounce=torch.tensor([bounces > 0]))
+        I = render(scene, bowl, pixels, recipe(made, bounces=max(1, bounces)), None, 0)
+        return I[0, 0, :, inside.flatten()].mean(1)
+
+    once, thrice, direct = light(1), light(3), light(0)
+    a = torch.tensor([0.9, 0.6, 0.3]) / 4
+    assert torch.allclose((thrice - direct) / (once - direct), 1 + a + a**2, rtol=0.05)
 
 
 def test_hollow_metal_is_metal_and_its_walls_light_each_other():

@@ -1,4 +1,4 @@
-"""One bounce of light between parts of the surface; where rays from a pixel arrive is found once for all lights."""
+"""Light between parts of the surface; where rays from a pixel arrive is found once for all lights."""
 
 from __future__ import annotations
 
@@ -50,15 +50,16 @@ def _lobe(axis: Float[Tensor, "b q 3"], w: Tensor, phi: Tensor) -> Float[Tensor,
 
 def hits(
     height: Float[Tensor, "b s s"],
-    mask: Bool[Tensor, "b s s"],
+    behind: Float[Tensor, "b s s"],
     normals: Float[Tensor, "b 3 s s"],
     on: Bool[Tensor, "b q"],
     directions: Float[Tensor, "b q m 3"],
 ) -> Int[Tensor, "b q m"]:
     """Pixel that each ray meets first; -1 where it meets none, begins below the surface or at a pixel that is not `on`.
 
-    The height field is marched in steps that grow with distance. A ray that passes well below a visible point passes
-    behind it and goes on; one that arrives at a visible point from behind is stopped, and sees nothing that is lit.
+    The height field is marched in steps that grow with distance. A ray that passes below where the view leaves the
+    solid (`behind`, a height, too) passes behind it and goes on; one that arrives at a visible point from behind is
+    stopped, and sees nothing that is lit.
     """
     b, s, _ = height.shape
     device, m = height.device, directions.shape[2]
@@ -70,7 +71,7 @@ def hits(
     col, row = (pixel % s)[..., None] + 1.5 + x, (pixel // s)[..., None] + 1.5 - y
     z = height.flatten(1).gather(1, pixel)[..., None] + z
     wide = s + 2
-    flat = F.pad(torch.where(mask, height, NOWHERE), (1, 1, 1, 1), value=NOWHERE).flatten()
+    solid = F.pad(torch.complex(height, behind), (1, 1, 1, 1), value=NOWHERE).flatten()  # both in one look
     scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (wide * wide)
     end = torch.full(d.shape[:3], -1.0, device=device)  # length of each ray
     open = on.gather(1, pixel)[..., None] & ((d @ N[..., None])[..., 0] > 0)
@@ -83,11 +84,13 @@ def hits(
         return (row + t * dy).clamp_(0, wide - 1).to(torch.int32).mul_(wide).add_(c)
 
     for t, dt in zip(reach.tolist(), torch.diff(reach, prepend=torch.zeros(1)).tolist(), strict=True):
-        depth = flat.index_select(0, (at(t) + scene).flatten()).view_as(end) - (z + t * dz)
-        hit = open & (depth > 0) & (depth < 4.0 * dt + 4.0)
+        there = solid.index_select(0, (at(t) + scene).flatten()).view_as(end)
+        level = z + t * dz
+        depth = there.real - level
+        entered = open & (depth > 0) & (there.imag < level + dt)
         arrived = t - dt * depth / (depth - before.clamp(max=-1e-3)).clamp(min=1e-3)
-        end = torch.lerp(end, arrived, hit.to(end.dtype))
-        open = open & ~hit
+        end = torch.where(entered & (before <= 0), arrived, end)
+        open = open & ~entered
         before = depth
     last = at(end)
     last = (last // wide - 1).clamp(0, s - 1) * s + (last % wide - 1).clamp(0, s - 1)

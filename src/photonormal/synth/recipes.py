@@ -49,6 +49,7 @@ class Rendering:
     # transport
     shadows: bool = True
     bounce: float = 0.65  # share of scenes with light between parts of the surface
+    bounces: int = 1  # how often it passes there; beyond once it costs rays from all pixels of a scene
     # sensor
     smooth_edges: bool = True  # pixels on occluding edges mix both sides
     blurred: float = 0.3  # share of scenes that are not quite sharp
@@ -93,6 +94,7 @@ RECIPES: dict[str, Rendering] = {
         metal=True,
         varying=0.25,
         bounce=1.0,
+        bounces=3,
     ),
     "demo": Rendering(
         size=160,
@@ -163,8 +165,10 @@ def check(made: Rendering) -> None:
         raise InputError(
             f"size is {made.size} and crop {made.crop} but a size divisible by 8 and 8 <= crop <= size are needed."
         )
-    if made.crops < 1 or made.scenes < 1:
-        raise InputError(f"crops is {made.crops} and scenes {made.scenes} but at least 1 each is needed.")
+    if min(made.crops, made.scenes, made.bounces) < 1:
+        raise InputError(
+            f"crops is {made.crops}, scenes {made.scenes} and bounces {made.bounces} but at least 1 each is needed."
+        )
     for key in ("shapes", "materials"):
         shares = getattr(made, key)
         if min(shares) < 0:

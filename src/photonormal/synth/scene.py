@@ -225,12 +225,13 @@ def _bounced(
     sends to the camera; what is seen reflects each light into them by its own material.
     """
     b, s, _ = geometry.mask.shape
-    on = torch.zeros(b, s * s, dtype=torch.bool, device=pixels.device).scatter(1, pixels.long(), True)
-    on &= geometry.mask.flatten(1)
+    asked = torch.zeros(b, s * s, dtype=torch.bool, device=pixels.device).scatter(1, pixels.long(), True)
+    on = geometry.mask.flatten(1) & (asked | (recipe.bounces > 1))
     M = geometry.normals.flatten(2).transpose(1, 2)  # (b, s s, 3)
     near = bounce.around(on, M, pixels)
     directions, density = bounce.rays(M, seed)
-    found = bounce.hits(geometry.height, geometry.mask, geometry.normals, on, directions)
+    height, behind, _ = heights(geometry).unbind(1)
+    found = bounce.hits(height, behind, geometry.normals, on, directions)
     met = (found >= 0).flatten(1)  # (b, s s m)
     way = indices(met)  # (b, k)
     row = torch.where(found >= 0, (met.cumsum(1) - 1).view_as(found), -1)  # number of each ray among the ways
@@ -250,6 +251,9 @@ def _bounced(
     share = share * (cos_l / along(density)[:, None] / bounce.RAYS) * scenes.bounce.view(b, 1, 1)
     share = share / skins_albedo(coat, b).clamp(min=0.01)
     coat, n = skins(there)
+    passed_on = share * skins_albedo(coat, b)
+    every = torch.arange(s * s, device=on.device).expand(b, -1)
+    everywhere = bounce.around(on, M, every) if recipe.bounces > 1 else near
     patch = (there // s // PATCH) * (s // PATCH) + there % s // PATCH
     cos_o = -(n * d).sum(1, keepdim=True)
 
@@ -259,7 +263,12 @@ def _bounced(
         cos_l = cosines(n.transpose(1, 2), D).transpose(1, 2)
         sent = radiance(coat, cos_l, cos_o, ((cos_l + cos_o) / lo).clamp(max=1), lo / 2)  # (b, n, 3, k)
         sent *= lit.gather(2, patch[:, None].expand(-1, lit.shape[1], -1))[:, :, None] * share[:, None]
-        values = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, s s, n 3)
+        values = last = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, s s, n 3)
+        for _ in range(recipe.bounces - 1):  # what has arrived at a point leaves it as if it were matt
+            arrived = bounce.spread(last, *everywhere).transpose(1, 2)  # (b, n 3, s s)
+            sent = arrived.gather(2, there[:, None].expand(-1, arrived.shape[1], -1)).view_as(sent) * passed_on[:, None]
+            last = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)
+            values = values + last
         return bounce.spread(values, *near).view(b, -1, lit.shape[1], 3).permute(0, 2, 3, 1)
 
     return reflected

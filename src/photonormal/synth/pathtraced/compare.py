@@ -132,7 +132,7 @@ def compare(
     bounces : how often light may pass between surfaces in the path tracer
     """
     shapes = tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Rendering.shapes
-    made = plain(shapes=shapes, varying=1.0, detail=detail)
+    made = plain(shapes=shapes, varying=1.0, detail=detail, bounces=max(1, bounces))
     L = lights(n)
     scenes = draw_scenes(made, rng(seed, 9), 1, n, None)
     scenes = replace(

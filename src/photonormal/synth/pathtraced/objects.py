@@ -9,7 +9,11 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.synth.meshes import STATUE
+from photonormal.synth.params import rng
+from photonormal.synth.pathtraced.compare import plain, solid
 from photonormal.synth.pathtraced.meshes import Mesh, polygonise, read_mesh
+from photonormal.synth.scene import draw_scenes
+from photonormal.synth.sculptor import KINDS
 from photonormal.types import InputError
 
 
@@ -89,8 +93,19 @@ def statue(meshes: Path | None = None) -> Mesh:
     return read_mesh(meshes / STATUE).fitted()
 
 
+def pleated(seed: int) -> Callable[[Path | None], Mesh]:
+    """Makes a pouch, bowl or cloth in pleats, drawn from a seed that no training uses."""
+
+    def made(meshes: Path | None = None) -> Mesh:
+        drawn = plain(shapes=tuple(float(kind == "pleated") for kind in KINDS))
+        return solid(draw_scenes(drawn, rng(seed, 9), 1, 3, None).solids, 192).fitted()
+
+    return made
+
+
 OBJECTS: dict[str, Callable[[Path | None], Mesh]] = {
     "sphere": sphere, "turtle": turtle, "bowl": bowl, "statue": statue,
+    "flutes": pleated(11), "crumple": pleated(12), "folds": pleated(16), "pouch": pleated(21),
 }  # fmt: skip
 
 

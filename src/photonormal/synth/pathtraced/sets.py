@@ -4,6 +4,7 @@ spheres100, statue100   <out>/<material>/               DiLiGenT: an object in 1
 cycles17                <out>/L17/<object>.obj/         CyclesPS: three objects, three kinds of material, 17 lights
                         <out>/L305/<object>.obj/        and 305
 clean                   <out>/<object>/                 DiLiGenT: matt objects, 48 lights
+hollows                 <out>/<object>/                 DiLiGenT: pleats of gold, copper and aluminium, 48 lights
 """
 
 from __future__ import annotations
@@ -42,7 +43,7 @@ class SceneSet:
 
     shapes: tuple[str, ...]  # of OBJECTS
     lights: tuple[int, ...]  # counts; several are several copies of the set
-    surface: str  # "measured", "cycles" or "matt"
+    surface: str  # "measured", "cycles", "matt" or "metal"
     bounces: int  # how often light passes between surfaces; a convex object needs none
     samples: int  # paths a pixel
     random: bool = False  # light directions: drawn over the hemisphere instead of spread evenly
@@ -54,6 +55,14 @@ SCENE_SETS = {
     "statue100": SceneSet(("statue",), (100,), "measured", 4, 16, random=True),
     "cycles17": SceneSet(("sphere", "turtle", "bowl"), (17, 305), "cycles", 4, 24),
     "clean": SceneSet(("sphere", "turtle", "bowl", "statue"), (48,), "matt", 4, 32),
+    "hollows": SceneSet(("bowl", "flutes", "crumple", "folds", "pouch"), (48,), "metal", 4, 64),
+}
+METALS = {  # Mitsuba's own conductors: its name of the metal, and the width of its GGX highlights
+    "bowl": ("Au", 0.2),
+    "flutes": ("Cu", 0.3),
+    "crumple": ("Au", 0.3),
+    "folds": ("Al", 0.25),
+    "pouch": ("Au", 0.15),
 }
 
 
@@ -153,6 +162,9 @@ def _render(
     camera = OrthographicCamera(half=1.05, size=size)
     if made.surface == "matt":
         surfaces = {"": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.6, 0.55, 0.5]}}}
+    elif made.surface == "metal":
+        metal, alpha = METALS[item]
+        surfaces = {"": {"type": "roughconductor", "material": metal, "distribution": "ggx", "alpha": alpha}}
     elif made.surface == "cycles":
         surfaces = {kind: kind_of_material(kind) for kind in KINDS}
     images = {}

@@ -15,7 +15,7 @@ from photonormal.methods.uncalibrated import reduced as small_square
 from photonormal.methods.uncalibrated.frame import Believed, curl, settled
 from photonormal.methods.uncalibrated.limits import spread_deg
 from photonormal.methods.uncalibrated.reduced import AROUND, reduced
-from photonormal.methods.uncalibrated.refine import refined
+from photonormal.methods.uncalibrated.refine import UNTOLD, refined
 from photonormal.methods.uncalibrated.untold import FLAT
 from photonormal.scoring.lights import score_lights
 from photonormal.types import Camera, Capture, Lamps, Normals
@@ -185,3 +185,9 @@ def test_vectors_in_a_plane_have_no_spread():
     tilt = np.radians(5)
     off = torch.cat([inside * np.cos(tilt) + torch.tensor([0, k * np.sin(tilt), 0]) for k in (1, -1)])
     assert spread_deg(inside) < 0.05 and spread_deg(off) == pytest.approx(5, abs=0.01)
+
+
+def test_where_shading_agrees_with_no_lights_it_is_said(true):
+    noise = np.random.default_rng(0).uniform(0, 1, np.asarray(true.images).shape).astype(np.float32)
+    found = refined(replace(true, images=noise * true.mask[..., None]))
+    assert found.notes == (UNTOLD,) and not found.moved_deg.any()

@@ -20,10 +20,13 @@ from photonormal.types import Capture
 TURNED = 0.2  # standard deviation of a turn of all given lights about the view axis, radians
 MOVED_DEG = 1.5  # mean, from which on given lights are doubted
 UNEVEN = 0.05  # unevenness of lights that were divided by their intensities, from which on they may be halfway vectors
+CONTRADICTING = 0.2  # and from which on shading agrees with no lights
 EVENER = 0.7  # and are, where twice the angles leave less than this of it
 HALFWAY = (
     "the given lights were halfway to the right ones; their angles to the camera's axis were doubled, then mended."
 )
+ALRIGHT = "the photographs speak for no other lights than the given ones, which are kept."
+UNTOLD = "shading agrees with no lights, as on metal, and can't tell whether the given ones are right, which are kept."
 BETTER = 0.98  # of the misfit under the given lights: mended ones that leave more are not taken
 
 
@@ -52,8 +55,9 @@ def refined(capture: Capture) -> FoundLights:
             if halfway := unevenness(other[0]) < EVENER * unevenness(s):
                 s, N, moved_deg = other
         before, after = misfit(shown, normals_under(shown, L), L), misfit(shown, N, s)
-    if not (after < BETTER * before and moved_deg < SETTLED_DEG):
-        note = "the photographs speak for no other lights than the given ones, which are kept."
+    told = moved_deg < SETTLED_DEG and unevenness(s) < CONTRADICTING
+    if not (told and after < BETTER * before):
+        note = ALRIGHT if told else UNTOLD
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))
     found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
     return FoundLights(

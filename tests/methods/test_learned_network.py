@@ -14,6 +14,7 @@ from photonormal.methods.learned.cnnps import CNNPSConfig, CNNPSNet
 from photonormal.methods.learned.drpsn import DRPSNConfig, DRPSNNet
 from photonormal.methods.learned.gpsnet import Filters, GPSNet, GPSNetConfig
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
+from photonormal.methods.learned.layers import unit
 from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.methods.learned.network import parameters
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
@@ -289,6 +290,15 @@ def test_black_pixels_stay_black():
     mask = torch.ones(2, 1, 16, 24, dtype=torch.bool)
     for scaling in ("exposure", "channels", "grey"):
         assert not scaled(scaling, images, mask, moment(scaling, images, mask), 5)[..., 4, 4].any()
+
+
+def test_vectors_get_unit_length_and_zero_stays_zero():
+    x = torch.randn(2, 3, 5, 4, generator=torch.Generator().manual_seed(0), requires_grad=True)
+    y = x * (torch.arange(4) > 0)
+    torch.testing.assert_close(unit(y), torch.nn.functional.normalize(y, dim=1))
+    unit(y)[:, 0].sum().backward()
+    assert x.grad is not None and x.grad.isfinite().all()
+    torch.testing.assert_close(unit(y[0], axis=0), unit(y)[0])
 
 
 def test_a_residual_branch_begins_small():

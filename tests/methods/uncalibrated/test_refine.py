@@ -67,6 +67,12 @@ def test_lights_that_are_all_turned_about_the_view_axis_are_turned_back(true):
     assert score_lights(found.lights, true.lights).mean_deg < 1
 
 
+def test_a_turn_is_told_by_the_normals_curl_alone(true):
+    """Under turned lights a matt surface has turned normals, which explain the photographs as well."""
+    turned = replace(true, lights=true.lights @ rotation_about_view(-10).T)
+    assert score_lights(refined(turned).lights, true.lights).mean_deg < 1
+
+
 def test_right_lights_stay_right(true):
     found = refined(true)
     assert angle_deg(found.lights, true.lights).max() < 0.5

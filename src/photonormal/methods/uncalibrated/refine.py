@@ -9,7 +9,7 @@ from torch import Tensor
 
 from photonormal.geometry import angle_deg
 from photonormal.lighting import FoundLights
-from photonormal.methods.uncalibrated.frame import Believed
+from photonormal.methods.uncalibrated.frame import Believed, curl
 from photonormal.methods.uncalibrated.limits import LEAST, check
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals_under, rounds
 from photonormal.methods.uncalibrated.shown import Shown
@@ -27,7 +27,8 @@ HALFWAY = (
 )
 ALRIGHT = "the photographs speak for no other lights than the given ones, which are kept."
 UNTOLD = "shading agrees with no lights, as on metal, and can't tell whether the given ones are right, which are kept."
-BETTER = 0.98  # of the misfit under the given lights: mended ones that leave more are not taken
+BETTER = 0.98  # of the misfit under the given lights: mended ones that leave more are not taken,
+LESS_CURL = 6.0  # unless they leave so much less of the normals' curl: a turn of all lights changes no misfit
 
 
 def refined(capture: Capture) -> FoundLights:
@@ -54,9 +55,11 @@ def refined(capture: Capture) -> FoundLights:
             other = rounds(shown, twice, given(twice))
             if halfway := unevenness(other[0]) < EVENER * unevenness(s):
                 s, N, moved_deg = other
-        before, after = misfit(shown, normals_under(shown, L), L), misfit(shown, N, s)
+        N_given = normals_under(shown, L)
+        better = misfit(shown, N, s) < BETTER * misfit(shown, N_given, L)
+        better = better or bent(shown, N) < bent(shown, N_given) - LESS_CURL
     told = moved_deg < SETTLED_DEG and unevenness(s) < CONTRADICTING
-    if not (told and after < BETTER * before):
+    if not (told and better):
         note = ALRIGHT if told else UNTOLD
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))
     found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
@@ -65,6 +68,12 @@ def refined(capture: Capture) -> FoundLights:
         moved_deg=angle_deg(found, capture.known_lights()),
         notes=(HALFWAY,) * halfway + shape_of_lights(N, shown.inside),
     )
+
+
+def bent(shown: Shown, N: Float[Tensor, "p 3"]) -> float:
+    """How clearly the curl of N's slopes speaks for other normals: the square of standard errors; 0 where it can't."""
+    told = curl(N, shown.inside)
+    return 0.0 if told is None else float(told.told @ told.precision @ told.told)
 
 
 def given(L: Float[Tensor, "n 3"]) -> Believed:

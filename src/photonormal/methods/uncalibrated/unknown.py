@@ -20,7 +20,10 @@ INDEPENDENT = 3.0  # of the network's errors, most of which all lights of an obj
 SHADED = 0.02  # second singular value of the samples over the first, below which nothing but brightness differs
 NARROW_DEG = 7.0  # of lights, in the direction in which they differ least, below which normals are uncertain
 TINTED = 0.2  # of a channel over grey, from which on lights differ in colour
-REFINED_OFF, GUESS_OFF = 0.4, 0.6  # error of the lights over the breadth of the network's answer, median of 64 objects
+REFINED_OFF, GUESS_OFF = (
+    0.3,
+    0.6,
+)  # error of the lights over the breadth of the network's answer, median of rendered ones
 STILL_DEG = 0.25  # mean change of the lights in the last round, from which on shading does not bear them out
 FAR_OFF = 1.5  # and times the breadth of the network's answer, from which on neither
 BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful
@@ -55,7 +58,7 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
         "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
     )
     off_deg = float(first.told_deg.mean()) * (REFINED_OFF if settled else GUESS_OFF)
-    off = f"about {off_deg:.0f} degrees off, at times twice that"
+    off = f"about {off_deg:.0f} degrees off, at times three times that"
     notes = [f"the lights were found from the photographs alone{alone}; {off}."]
     if doubtful := float(first.told_deg.mean()) > BROAD_DEG:
         notes.append(

@@ -295,8 +295,8 @@ RECIPES = {
     "dr-psn": replace(COMPARED, network="dr-psn", config={"width": 32}),
     # normalnet; the recipes called cpu are for hours on a processor
     "cpu": CPU,
-    "psfcn-cpu": replace(CPU, network="psfcn", config={"width": 32}, priors=()),
-    "psfcn-normalised-cpu": replace(CPU, network="psfcn", config={"width": 32, "normalised": True}, priors=()),
+    "psfcn-cpu": replace(COMPARED, network="psfcn", config={"width": 32}),
+    "psfcn-normalised-cpu": replace(COMPARED, network="psfcn", config={"width": 32, "normalised": True}),
     "normalnet": NORMALNET,
     "normalnet-cpu": NORMALNET_CPU,
     "normalnet-on": NORMALNET_ON,

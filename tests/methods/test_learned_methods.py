@@ -1,6 +1,7 @@
 """The learned methods: right weights in, normals out; wrong ones are refused in one line."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -114,6 +115,10 @@ def test_sdps_measures_under_the_lights_that_its_first_network_tells(sdps):
     found, normals = run(sdps, capture, CPU), run(PSFCN(weights=sdps.weights), told.shown_by(capture), CPU).normals
     assert torch.equal(found.lights, told.lights) and torch.equal(found.intensities, told.intensities)
     assert torch.equal(found.normals, normals)
+
+
+def test_sdps_has_the_normals_network_of_psfcn():
+    assert SDPS().file == PSFCN().file and SDPS(weights="mine").file == Path("mine")
 
 
 def test_sdps_depends_on_both_files(sdps):

@@ -31,13 +31,14 @@ BETTER = 0.98  # of the misfit under the given lights: mended ones that leave mo
 LESS_CURL = 6.0  # unless they leave so much less of the normals' curl: a turn of all lights changes no misfit
 
 
-def refined(capture: Capture) -> FoundLights:
+def refined(capture: Capture, least_deg: float = 0.0) -> FoundLights:
     """The capture's own distant lights, mended: each is turned to where the photographs speak for.
 
     Their errors are to be each light's own: what all have in common is told where the normals' curl tells it, and is
     believed else. Intensities stay as they are, so lights that are found have one length; where they haven't, and
     have it nearly when they start at twice the angle to the camera's axis, the given ones were halfway to the right
-    ones: a mirror sphere's normals in place of the reflections there.
+    ones: a mirror sphere's normals in place of the reflections there. Lights that would move by less than `least_deg`
+    in the mean are kept, without a look at whether the moved ones explain more.
 
     Raises
     ------
@@ -55,19 +56,18 @@ def refined(capture: Capture) -> FoundLights:
             other = rounds(shown, twice, given(twice))
             if halfway := unevenness(other[0]) < EVENER * unevenness(s):
                 s, N, moved_deg = other
-        N_given = normals_under(shown, L)
-        better = misfit(shown, N, s) < BETTER * misfit(shown, N_given, L)
-        better = better or bent(shown, N) < bent(shown, N_given) - LESS_CURL
-    told = moved_deg < SETTLED_DEG and unevenness(s) < CONTRADICTING
-    if not (told and better):
+        found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
+        off_deg = angle_deg(found, capture.known_lights())
+        told = moved_deg < SETTLED_DEG and unevenness(s) < CONTRADICTING
+        better = False
+        if told and off_deg.mean() >= least_deg:
+            N_given = normals_under(shown, L)
+            better = misfit(shown, N, s) < BETTER * misfit(shown, N_given, L)
+            better = better or bent(shown, N) < bent(shown, N_given) - LESS_CURL
+    if not better:
         note = ALRIGHT if told else UNTOLD
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))
-    found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
-    return FoundLights(
-        found,
-        moved_deg=angle_deg(found, capture.known_lights()),
-        notes=(HALFWAY,) * halfway + shape_of_lights(N, shown.inside),
-    )
+    return FoundLights(found, moved_deg=off_deg, notes=(HALFWAY,) * halfway + shape_of_lights(N, shown.inside))
 
 
 def bent(shown: Shown, N: Float[Tensor, "p 3"]) -> float:
@@ -98,6 +98,6 @@ def mended(capture: Capture) -> FoundLights | None:
     """
     if capture.lights is None or capture.lamps is not None or capture.images.shape[0] < LEAST:
         return None
-    found = refined(capture)
+    found = refined(capture, MOVED_DEG)
     assert found.moved_deg is not None
     return found if found.moved_deg.mean() > MOVED_DEG else None

@@ -22,6 +22,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import os
 import subprocess
 import sys
 import tempfile
@@ -36,6 +37,7 @@ import numpy as np
 from large import SCENES, frame, render
 
 from photonormal.batch.work import use_threads
+from photonormal.batch.workers import BLAS_THREADS
 from photonormal.export import load_normals
 from photonormal.job import Job, carry_out
 from photonormal.types import cores
@@ -75,6 +77,7 @@ def apart(season: Path, out: Path, method: str, processes: int) -> Spent:
     names, context = sorted(p.name for p in season.iterdir()), multiprocessing.get_context("spawn")
     ready, spent = context.Barrier(processes), context.Queue()
     bounds = [len(names) * k // processes for k in range(processes + 1)]
+    os.environ[BLAS_THREADS] = "1"  # of the processes to come
     for first, end in pairwise(bounds):
         work = (season, out, method, names[first:end], ready, spent)
         context.Process(target=_measure, args=work, daemon=True).start()
@@ -84,7 +87,7 @@ def apart(season: Path, out: Path, method: str, processes: int) -> Spent:
 
 def _measure(season: Path, out: Path, method: str, names: list[str], ready: Any, spent: Any) -> None:
     """What one of them does."""
-    use_threads(1)
+    use_threads(1)  # numpy was told so before it was loaded
     carry_out(Job(season / names[0], out / f"warm-{names[0]}", method=method))
     ready.wait(LONGEST_S)
     clock, processor = time.monotonic(), time.process_time()

@@ -23,6 +23,7 @@ from photonormal.files import memory
 from photonormal.types import cores
 
 LOADED = "photonormal.batch.loaded"  # has imported what measuring needs
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read as numpy is imported
 TRIES = 3  # of a capture whose process ends early
 EACH = memory.LEAST  # bytes that a process may use, at least
 OFTEN_S = 0.2  # between two words about how far a capture is
@@ -64,8 +65,23 @@ def begin_loading() -> None:
         from multiprocessing import forkserver
 
         multiprocessing.set_forkserver_preload([LOADED])
-        with _without_ctrl_c():
+        with _without_ctrl_c(), _one_blas_thread():
             forkserver.ensure_running()
+
+
+@contextlib.contextmanager
+def _one_blas_thread() -> Iterator[None]:
+    """Programs that begin meanwhile multiply numpy's matrices by one thread, unless the user says otherwise.
+
+    They are small: more threads only wait for each other, on cores that other captures need.
+    """
+    said = os.environ.get(BLAS_THREADS)
+    os.environ.setdefault(BLAS_THREADS, "1")
+    try:
+        yield
+    finally:
+        if said is None:
+            del os.environ[BLAS_THREADS]
 
 
 def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:

@@ -47,7 +47,7 @@ class Worker:
         context = _context()
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, threads, nbytes), daemon=True)
-        with _without_ctrl_c():
+        with beginning():
             self.process.start()
         theirs.close()
         self.named: Named | None = None
@@ -65,23 +65,8 @@ def begin_loading() -> None:
         from multiprocessing import forkserver
 
         multiprocessing.set_forkserver_preload([LOADED])
-        with _without_ctrl_c(), _one_blas_thread():
+        with beginning():
             forkserver.ensure_running()
-
-
-@contextlib.contextmanager
-def _one_blas_thread() -> Iterator[None]:
-    """Programs that begin meanwhile multiply numpy's matrices by one thread, unless the user says otherwise.
-
-    They are small: more threads only wait for each other, on cores that other captures need.
-    """
-    said = os.environ.get(BLAS_THREADS)
-    os.environ.setdefault(BLAS_THREADS, "1")
-    try:
-        yield
-    finally:
-        if said is None:
-            del os.environ[BLAS_THREADS]
 
 
 def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:
@@ -132,6 +117,20 @@ def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None)
                     at(named.name, *said)
     finally:
         _end(workers)
+
+
+@contextlib.contextmanager
+def beginning() -> Iterator[None]:
+    """Processes that begin in the block never hear of Ctrl-C, and numpy multiplies by one thread there, unless the user
+    says otherwise: its matrices are small, and more threads wait for each other on cores that other captures need."""
+    said = os.environ.get(BLAS_THREADS)
+    os.environ.setdefault(BLAS_THREADS, "1")
+    try:
+        with _without_ctrl_c():
+            yield
+    finally:
+        if said is None:
+            del os.environ[BLAS_THREADS]
 
 
 @contextlib.contextmanager

@@ -25,11 +25,7 @@ DARK = 1e-4  # of the mean sample, the least whose logarithm is taken
 STEP = 0.02  # of the map's entries, over which samples' changes are taken
 GAIN = (2.0, 2.0, 3.0)  # times what one linear step tells, half of which and less is found on rendered objects
 NOISE = 0.3  # standard error of the logarithms, as if each part of what changes them were one sample
-FLOOR = (
-    0.03,
-    0.03,
-    0.3,
-)  # least standard error; how deep the surface is, they tell badly, since normals were found without them
+FLOOR = (0.03, 0.03, 0.3)  # least standard error; depth is told badly, since normals were found without them
 MOST = 0.5  # of the map, that is told at once
 ROUNDS = 4  # of reweighting
 

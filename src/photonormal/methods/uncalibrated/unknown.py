@@ -20,10 +20,7 @@ INDEPENDENT = 3.0  # of the network's errors, most of which all lights of an obj
 SHADED = 0.02  # second singular value of the samples over the first, below which nothing but brightness differs
 NARROW_DEG = 7.0  # of lights, in the direction in which they differ least, below which normals are uncertain
 TINTED = 0.2  # of a channel over grey, from which on lights differ in colour
-REFINED_OFF, GUESS_OFF = (
-    0.3,
-    0.6,
-)  # error of the lights over the breadth of the network's answer, median of rendered ones
+REFINED_OFF, GUESS_OFF = 0.3, 0.6  # error of lights over the breadth of the network's answer, median of rendered ones
 STILL_DEG = 0.25  # mean change of the lights in the last round, from which on shading does not bear them out
 FAR_OFF = 1.5  # and times the breadth of the network's answer, from which on neither
 BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Bool, Float, Int
 
 from photonormal.srgb import from_linear
 from photonormal.types import InputError, Normals, Surface
@@ -87,12 +86,10 @@ def encode(
     points = vertices(Surface(surface.depth, known, surface.K), step) * scale_of(surface, mm_per_px)
     N = None if normals is None else normals.map[some][keep].astype(np.float64)
     linear = None if albedo is None else np.broadcast_to(albedo[some][keep] / white, (len(points), 3))
-    if suffix == ".ply":
-        return _ply(points, faces(keep), N, None if linear is None else display(linear))
     if suffix == ".obj":
         return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(known, step))
     import trimesh
-    from trimesh.visual import TextureVisuals
+    from trimesh.visual import ColorVisuals, TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
     mesh = trimesh.Trimesh(points, faces(keep), vertex_normals=N, process=False, validate=False)
@@ -100,6 +97,8 @@ def encode(
         mesh.visual = look = TextureVisuals(coordinates(known, step), PBRMaterial())
         if linear is not None:
             look.vertex_attributes["color"] = _with_alpha(np.rint(255 * np.nan_to_num(linear).clip(0, 1)))
+    elif linear is not None and suffix != ".stl":
+        mesh.visual = ColorVisuals(mesh, vertex_colors=display(linear))
     buffer = io.BytesIO()
     mesh.export(buffer, file_type=suffix[1:])
     return buffer.getbuffer()
@@ -117,32 +116,6 @@ def coordinates(mask: np.ndarray, step: int = 1) -> Float[np.ndarray, "v 2"]:
     row, column = step * np.array(np.nonzero(mask[::step, ::step]))
     h, w = mask.shape
     return np.stack([(column + 0.5) / w, 1 - (row + 0.5) / h], axis=-1)
-
-
-def _ply(
-    points: Float[np.ndarray, "v 3"],
-    triangles: Int[np.ndarray, "f 3"],
-    normals: Float[np.ndarray, "v 3"] | None,
-    colours: UInt8[np.ndarray, "v c"] | None,
-) -> bytes:
-    """Binary Stanford PLY. Written here, since to load a library for it takes as long as a small measurement."""
-    columns: list[tuple[Sequence[str], str, str, np.ndarray]] = [("xyz", "<f4", "float", points)]
-    if normals is not None:
-        columns.append((("nx", "ny", "nz"), "<f4", "float", normals))
-    if colours is not None:
-        columns.append((("red", "green", "blue", "alpha"), "u1", "uchar", _with_alpha(colours)))
-    table = np.empty(len(points), [(name, kind) for names, kind, _, _ in columns for name in names])
-    for names, _, _, values in columns:
-        for k, name in enumerate(names):
-            table[name] = values[:, k]
-    corners = np.empty(len(triangles), [("count", "u1"), ("corners", "<i4", 3)])
-    corners["count"], corners["corners"] = 3, triangles
-    header = [
-        *("ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"),
-        *(f"property {kind} {name}" for names, _, kind, _ in columns for name in names),
-        *(f"element face {len(triangles)}", "property list uchar int vertex_indices", "end_header\n"),
-    ]
-    return b"".join(["\n".join(header).encode(), table.tobytes(), corners.tobytes()])
 
 
 def _obj(

@@ -39,7 +39,7 @@ from photonormal.batch.work import use_threads
 from photonormal.batch.workers import beginning
 from photonormal.export import load_normals
 from photonormal.job import Job, carry_out
-from photonormal.types import cores
+from photonormal.resources import cores
 
 LONGEST_S = 3600  # that anything here takes
 COMMAND = [sys.executable, "-m", "photonormal"]

@@ -24,7 +24,7 @@ import numpy as np
 
 import photonormal as pn
 import photonormal.capture.diligent  # imports are no part of the seconds
-from photonormal.types import cores
+from photonormal.resources import cores
 
 
 def write_capture(folder: Path, n: int = 96, h: int = 512, w: int = 612) -> None:

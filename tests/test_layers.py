@@ -16,6 +16,7 @@ BASE = {
     "stored",
     "png",
     "masked",
+    "resources",
     "curl",
     "outline",
     "horizon",
@@ -29,12 +30,12 @@ BASE = {
 MAY_IMPORT = {  # package or module -> what of photonormal it may import besides itself
     "png": set(),
     "masked": set(),
-    "arrays": {"types"},
-    "notebook": {"types", "png"},
+    "arrays": {"errors"},
+    "notebook": {"png"},
     "errors": set(),
     "lamps": {"errors"},
-    "types": {"errors", "lamps", "masked", "arrays", "notebook", "crop"},
-    "crop": {"types", "options"},
+    "types": {"errors", "lamps", "masked", "arrays", "notebook", "resources", "crop"},
+    "crop": {"errors", "lamps", "options"},
     "lighting": {"types"},
     "files": {"types", "png"},
     "geometry": {"types"},
@@ -45,14 +46,14 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "srgb": set(),
     "shading": set(),
     "disk": {"types"},
-    "options": {"types"},
+    "options": {"errors"},
     "stored": {"types", "files"},
     "progress": set(),
     "resources": set(),
     "provenance": {"types", "files", "methods", "stored", "options"},
     "capture": BASE,
     "calibration": BASE,
-    "methods": BASE | {"integration", "progress", "resources"},  # under near lamps normals need depth
+    "methods": BASE | {"integration", "progress"},  # under near lamps normals need depth
     "integration": BASE,
     "scoring": BASE,
     "export": BASE | {"scoring"},  # maps of errors
@@ -64,16 +65,16 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "lamp_choice": BASE | {"capture", "export", "methods", "synth", "progress"},
     "object_lights": BASE | {"capture", "export", "methods", "progress"},
     "measurement": BASE
-    | {"capture", "methods", "materials", "integration", "scoring", "progress", "doctor", "examination", "resources"},
+    | {"capture", "methods", "materials", "integration", "scoring", "progress", "doctor", "examination"},
     "job": BASE | {"capture", "methods", "measurement", "export", "rig", "provenance"},
-    "batch": BASE | {"capture", "job", "export", "provenance", "progress", "resources", "view"},
+    "batch": BASE | {"capture", "job", "export", "provenance", "progress", "view"},
     "view": BASE | {"capture", "calibration", "scoring", "export", "progress", "rig"},
     "relighting": BASE | {"methods", "progress"},  # the memory's plan
     "materials": BASE | {"methods", "progress"},  # the memory's plan
     "handover": BASE | {"capture", "export", "methods", "relighting", "view", "progress", "integration"},
     "bench": BASE
     | {"capture", "measurement", "methods", "integration", "scoring", "export", "progress", "view"}
-    | {"provenance", "resources", "batch"},
+    | {"provenance", "batch"},
 }
 
 

@@ -13,8 +13,9 @@ from photonormal.capture import images, store
 from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.export.result import photograph
+from photonormal.masked import box_of
 from photonormal.methods import DEFAULT
-from photonormal.types import Capture, box_of
+from photonormal.types import Capture
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 FILES = {"normals.png", "normals.npz", "albedo.png", "depth.npz", "mesh.ply", "preview.png", "report.json", "error.png"}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photonormal.types import Camera, Capture, InputError, Lamps, Normals, Surface, cores, unit_lights
+from photonormal.types import Camera, Capture, InputError, Lamps, Normals, Surface, unit_lights
 from tests.capture.files import LIGHTS, MASK, refusal
 
 IMAGES = np.zeros((4, 24, 30, 3), np.float32)
@@ -105,10 +105,6 @@ class TestSurface:
 def test_an_input_error_is_one_line_and_a_value_error():
     error = InputError("a\nb\r\nc.")
     assert str(error) == "a b c." and isinstance(error, ValueError)
-
-
-def test_there_is_a_core():
-    assert cores() >= 1
 
 
 class TestLamps:

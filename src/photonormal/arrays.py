@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.types import Capture, InputError, Normals
+from photonormal.errors import InputError
 
 
 def as_array(value: Any, what: str) -> np.ndarray:
@@ -59,26 +59,3 @@ def as_mask(value: Any, shape: tuple[int, int]) -> np.ndarray:
     if mask.dtype == bool or mask.shape != shape:
         return mask
     return mask > 0.5 * mask.max()
-
-
-def as_normals(value: Any, what: str = "normals") -> Normals:
-    """Normals as they are, or those of an array (h, w, 3)."""
-    if isinstance(value, Normals):
-        return value
-    if value is None or isinstance(value, str):
-        raise InputError(
-            f"the {what} are {value!r} but Normals or an array (h, w, 3) is needed; solve a capture, or read a file by "
-            "photonormal.load_normals."
-        )
-    return Normals(as_array(value, f"the {what}"))
-
-
-def as_capture(value: Any) -> Capture:
-    """A capture as it is; InputError for anything else."""
-    if isinstance(value, Capture):
-        return value
-    shown = repr(value) if isinstance(value, str) else f"{type(value).__name__}"
-    raise InputError(
-        f"{shown} came but a Capture is needed; give photonormal.load(folder), or "
-        "Capture(images, mask, lights) of arrays."
-    )

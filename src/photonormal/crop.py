@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from photonormal.errors import InputError
+from photonormal.lamps import Camera, Lamps
 from photonormal.options import Scale, check_value
-from photonormal.types import Camera, InputError, Lamps
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ def known_frame(name: str) -> tuple[int, int, int]:
 def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
     """Vectors of our frame in the one called `name`."""
     axes = np.array(known_frame(name))
-    found = v.take(abs(axes) - 1, axis=-1)
+    found = v.take(np.abs(axes) - 1, axis=-1)
     found *= np.sign(axes).astype(v.dtype)
     return found
 

@@ -1,4 +1,4 @@
-"""Values at a mask's pixels and the maps that they lie on, a few rows at a time for large frames; smaller maps."""
+"""A mask's box; values at its pixels and the maps that they lie on, a few rows at a time; smaller maps."""
 
 from __future__ import annotations
 
@@ -61,3 +61,14 @@ def means(map: Shaped[np.ndarray, "h w ..."], step: int) -> Shaped[np.ndarray, "
     h, w = map.shape[:2]
     padded = np.pad(map, ((0, -h % step), (0, -w % step), *[(0, 0)] * (map.ndim - 2)), mode="edge")
     return padded.reshape(-(-h // step), step, -(-w // step), step, *map.shape[2:]).mean((1, 3))
+
+
+def box_of(mask: Bool[np.ndarray, "h w"], margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of the smallest box around the mask, grown by `margin` pixels within the frame; of an empty
+    mask, the frame."""
+    spans = []
+    for axis, size in zip((1, 0), mask.shape, strict=True):
+        inside = np.flatnonzero(mask.any(axis))
+        first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, size - 1)
+        spans.append(slice(max(0, first - margin), min(size, last + 1 + margin)))
+    return spans[0], spans[1]

@@ -11,18 +11,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import photonormal
-from photonormal.arrays import as_capture
 from photonormal.doctor.finding import Finding
 from photonormal.examination import check
 from photonormal.integration import integrate
 from photonormal.lighting import FoundLights
-from photonormal.masked import picked, row_bands
+from photonormal.masked import box_of, picked, row_bands
 from photonormal.methods import DEFAULT, configure, options_of
 from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
 from photonormal.resources import hand_back, peak_mb
 from photonormal.scoring import score
-from photonormal.types import Capture, InputError, Result, box_of
+from photonormal.types import Capture, InputError, Result, as_capture
 
 if TYPE_CHECKING:
     from photonormal.methods.contract import Solution

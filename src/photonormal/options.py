@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal, get_args, get_type_hints
 import msgspec
 from msgspec import Meta
 
-from photonormal.types import InputError
+from photonormal.errors import InputError
 
 LARGEST = 10**9
 

@@ -1,8 +1,9 @@
-"""Memory of a long process: the peak of one step, and what the system gets back."""
+"""Processors and memory of a process: how many it may use, the peak of one step, what the system gets back."""
 
 from __future__ import annotations
 
 import ctypes
+import os
 import platform
 import sys
 from contextlib import suppress
@@ -61,3 +62,17 @@ def processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
+
+
+_share: int | None = None
+
+
+def cores() -> int:
+    """Processors that this process may use: those that it may run on, or its share of them."""
+    return _share or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+def take_share(threads: int) -> None:
+    """From now on this process uses so many processors: others work beside it."""
+    global _share
+    _share = threads

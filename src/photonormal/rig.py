@@ -24,7 +24,8 @@ from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
 from photonormal.options import Coordinate, LightsFrom, Positive, check_value
 from photonormal.progress import progress
-from photonormal.types import InputError, cores
+from photonormal.resources import cores
+from photonormal.types import InputError
 
 if TYPE_CHECKING:
     from photonormal.doctor.finding import Finding

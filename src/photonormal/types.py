@@ -8,7 +8,6 @@ origin is the camera in a perspective view, else the middle of the picture at th
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.arrays import as_array, as_images, as_mask
 from photonormal.errors import InputError as InputError
 from photonormal.errors import printable as printable
 from photonormal.lamps import Camera as Camera
@@ -24,6 +24,8 @@ from photonormal.lamps import Lamps as Lamps
 from photonormal.lamps import from_the_middle
 from photonormal.lamps import unit_lights as unit_lights
 from photonormal.masked import picked
+from photonormal.notebook import capture_png, normals_png, surface_png
+from photonormal.resources import cores
 
 if TYPE_CHECKING:
     from photonormal.crop import Crop
@@ -111,8 +113,6 @@ class Capture:
     linearised: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
-        from photonormal.arrays import as_images, as_mask, as_normals
-
         given = np.shape(self.images) if isinstance(self.images, np.ndarray) else ()
         object.__setattr__(self, "images", as_images(self.images))
         shape = tuple(self.images.shape)
@@ -159,9 +159,7 @@ class Capture:
         )
 
     def _repr_png_(self) -> bytes:
-        from photonormal.notebook import capture_png
-
-        return capture_png(self)
+        return capture_png(self.images)
 
     def known_lights(self) -> Lights:
         """The light directions (n, 3), or an error that says that they are missing."""
@@ -214,8 +212,6 @@ class Normals:
     expected_error_deg: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        from photonormal.arrays import as_array
-
         object.__setattr__(self, "map", as_array(self.map, "the normals"))
         if self.mask is None:
             nonzero = np.isfinite(self.map) & (self.map != 0)
@@ -252,9 +248,7 @@ class Normals:
         return f"Normals({h} x {w}, {int(self.mask.sum())} pixels on the mask{off})"
 
     def _repr_png_(self) -> bytes:
-        from photonormal.notebook import normals_png
-
-        return normals_png(self)
+        return normals_png(self.map, self.mask)
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return _array(self.map, dtype, copy)
@@ -299,9 +293,7 @@ class Surface:
         return f"Surface({h} x {w}, {int(self.mask.sum())} pixels on the mask{span}, {view})"
 
     def _repr_png_(self) -> bytes:
-        from photonormal.notebook import surface_png
-
-        return surface_png(self)
+        return surface_png(self.heights_px())
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
         return _array(self.depth, dtype, copy)
@@ -362,31 +354,29 @@ def _array(values: np.ndarray, dtype: Any, copy: bool | None) -> np.ndarray:
     return np.array(values, dtype) if copy else np.asarray(values, dtype)
 
 
-def box_of(mask: Mask, margin: int = 0) -> tuple[slice, slice]:
-    """Rows and columns of the smallest box around the mask, grown by `margin` pixels within the frame; of an empty
-    mask, the frame."""
-    spans = []
-    for axis, size in zip((1, 0), mask.shape, strict=True):
-        inside = np.flatnonzero(mask.any(axis))
-        first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, size - 1)
-        spans.append(slice(max(0, first - margin), min(size, last + 1 + margin)))
-    return spans[0], spans[1]
-
-
 def _parts(mask: Mask) -> Iterator[slice]:
     """Some rows after the other, to bound the memory."""
     return (slice(y, y + 256) for y in range(0, len(mask), 256))
 
 
-_share: int | None = None
+def as_normals(value: Any, what: str = "normals") -> Normals:
+    """Normals as they are, or those of an array (h, w, 3)."""
+    if isinstance(value, Normals):
+        return value
+    if value is None or isinstance(value, str):
+        raise InputError(
+            f"the {what} are {value!r} but Normals or an array (h, w, 3) is needed; solve a capture, or read a file by "
+            "photonormal.load_normals."
+        )
+    return Normals(as_array(value, f"the {what}"))
 
 
-def cores() -> int:
-    """Processors that this process may use: those that it may run on, or its share of them."""
-    return _share or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
-
-
-def take_share(threads: int) -> None:
-    """From now on this process uses so many processors: others work beside it."""
-    global _share
-    _share = threads
+def as_capture(value: Any) -> Capture:
+    """A capture as it is; InputError for anything else."""
+    if isinstance(value, Capture):
+        return value
+    shown = repr(value) if isinstance(value, str) else f"{type(value).__name__}"
+    raise InputError(
+        f"{shown} came but a Capture is needed; give photonormal.load(folder), or "
+        "Capture(images, mask, lights) of arrays."
+    )

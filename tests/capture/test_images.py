@@ -9,8 +9,9 @@ import pytest
 from photonormal.capture import store
 from photonormal.capture.encoding import Encoding
 from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.masked import box_of
 from photonormal.srgb import to_linear
-from photonormal.types import Capture, box_of
+from photonormal.types import Capture
 from tests.capture.files import LIGHTS, MASK, box, refusal, samples, write_picture
 
 ONE = np.ones((4, 1))

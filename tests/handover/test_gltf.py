@@ -13,7 +13,7 @@ from photonormal.export.heights import read_depth
 from photonormal.handover import surfaces
 from photonormal.handover.gltf import encoded
 from photonormal.handover.surfaces import relief
-from photonormal.types import box_of
+from photonormal.masked import box_of
 
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 

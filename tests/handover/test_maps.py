@@ -16,8 +16,9 @@ from photonormal.files.decode import decode
 from photonormal.geometry import normalised
 from photonormal.handover import surfaces
 from photonormal.handover.tiles import closed
+from photonormal.masked import box_of
 from photonormal.srgb import to_linear
-from photonormal.types import Capture, Normals, box_of
+from photonormal.types import Capture, Normals
 from tests.scenes import lambertian, ring, write_diligent
 
 SIZE = 40

@@ -9,10 +9,11 @@ import pytest
 from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.handover.relit import STEPS
+from photonormal.masked import box_of
 from photonormal.relighting import FORMATS, films
 from photonormal.relighting.pictures import direction, fitted
 from photonormal.srgb import from_linear, to_linear
-from photonormal.types import InputError, box_of
+from photonormal.types import InputError
 from tests.relighting.test_files import dome, glossy
 from tests.scenes import ring, write_diligent
 

@@ -15,10 +15,11 @@ from photonormal import handover
 from photonormal.cli import main
 from photonormal.disk import at_once
 from photonormal.geometry import fibonacci_hemisphere
+from photonormal.masked import box_of
 from photonormal.relighting import FORMATS, bases, deepzoom, files, web
 from photonormal.relighting.fit import RIDGE, Fit
 from photonormal.srgb import from_linear
-from photonormal.types import Capture, box_of
+from photonormal.types import Capture
 from tests.scenes import sphere, write_diligent
 
 KINDS = tuple(FORMATS)

@@ -24,7 +24,8 @@ from photonormal.disk import in_use
 from photonormal.files import memory
 from photonormal.job import Part, divided, solve_part
 from photonormal.provenance import Program, program
-from photonormal.types import InputError, cores
+from photonormal.resources import cores
+from photonormal.types import InputError
 
 ANSWER_S = 10  # in which a scheduler answers
 ALONE_S = 60.0  # that workers have for captures that they are at, once the scheduler is lost

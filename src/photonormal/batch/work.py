@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 from photonormal.batch.captures import Named
 from photonormal.batch.row import PAGE
 from photonormal.batch.state import Kind, record_failure, state_of
-from photonormal.types import InputError, take_share
+from photonormal.resources import take_share
+from photonormal.types import InputError
 
 if TYPE_CHECKING:
     from photonormal.job import Part

@@ -20,7 +20,7 @@ from photonormal.batch.captures import Named
 from photonormal.batch.state import record_failure
 from photonormal.batch.work import At, Begun, Outcome, use_threads, work
 from photonormal.files import memory
-from photonormal.types import cores
+from photonormal.resources import cores
 
 LOADED = "photonormal.batch.loaded"  # has imported what measuring needs
 BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read as numpy is imported

@@ -30,7 +30,8 @@ from photonormal.bench.store import (
 from photonormal.export.mesh import display
 from photonormal.options import Precision
 from photonormal.progress import progress
-from photonormal.types import Capture, InputError, cores
+from photonormal.resources import cores
+from photonormal.types import Capture, InputError
 
 log = logging.getLogger(__name__)
 

@@ -15,9 +15,10 @@ import msgspec
 from photonormal.bench.store import AGAIN, SCORES, Prediction, configs, predictions, read_truth, truth_path
 from photonormal.disk import write
 from photonormal.options import Count, NotNegative
+from photonormal.resources import cores
 from photonormal.scoring import score
 from photonormal.stored import read_json
-from photonormal.types import InputError, cores
+from photonormal.types import InputError
 
 
 class Figures(TypedDict):

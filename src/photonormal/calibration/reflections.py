@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.calibration.circle import Circle
-from photonormal.types import box_of
+from photonormal.masked import box_of
 
 RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
 WIDEST = 0.2  # largest scale, in radii, at which reflections are looked for

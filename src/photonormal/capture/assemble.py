@@ -27,7 +27,8 @@ from photonormal.capture.pictures import counts_differ, pages, parse_images, ref
 from photonormal.capture.texts import read_intensities
 from photonormal.crop import Crop
 from photonormal.geometry import from_frame
-from photonormal.types import Camera, Capture, InputError, Lamps, Normals, box_of, unit_lights
+from photonormal.masked import box_of
+from photonormal.types import Camera, Capture, InputError, Lamps, Normals, unit_lights
 
 
 @dataclass(frozen=True)

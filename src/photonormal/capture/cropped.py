@@ -10,7 +10,8 @@ from photonormal.capture.corrections import Corrected
 from photonormal.capture.images import MARGIN, ImageFiles
 from photonormal.capture.store import Framed
 from photonormal.crop import Crop
-from photonormal.types import Capture, Image, InputError, Normals, box_of
+from photonormal.masked import box_of
+from photonormal.types import Capture, Image, InputError, Normals
 
 
 def cropped(capture: Capture, images: ImageFiles | Corrected, crop: Crop) -> Capture:

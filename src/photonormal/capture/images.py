@@ -12,7 +12,8 @@ import numpy as np
 from photonormal.capture.encoding import LINEAR, Encoding
 from photonormal.capture.store import Framed
 from photonormal.files.decode import decode, decode_all, frame_of, full_scale
-from photonormal.types import Image, InputError, box_of
+from photonormal.masked import box_of
+from photonormal.types import Image, InputError
 
 
 @dataclass(frozen=True)

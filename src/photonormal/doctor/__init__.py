@@ -18,10 +18,10 @@ def check(capture: Capture) -> list[Finding]:
     need light directions are left out where they are unknown, or where pictures are turned. Where lamps are near,
     pictures are first made what distant ones would give, for a plane at the object's mean depth.
     """
-    from photonormal.arrays import as_capture
     from photonormal.doctor import coverage, explanations, exposure, lights, motion, positions, samples, turned
     from photonormal.doctor.given import Distant, Near
     from photonormal.srgb import from_linear, to_linear
+    from photonormal.types import as_capture
 
     capture = as_capture(capture)
     s, names = samples.read(capture), list(capture.image_names)

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float
 
 from photonormal.calibration.mask import mask_from_shading
 from photonormal.doctor.finding import Finding
-from photonormal.masked import picked, row_bands
-from photonormal.types import Capture, InputError, box_of
+from photonormal.masked import box_of, picked, row_bands
+from photonormal.types import Capture, InputError
 
 PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
 MARGIN = 8  # pixels kept around the mask

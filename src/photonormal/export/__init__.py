@@ -8,10 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.arrays import as_normals
 from photonormal.disk import Content, write
 from photonormal.geometry import known_frame
-from photonormal.types import InputError, Normals, Surface
+from photonormal.types import InputError, Normals, Surface, as_normals
 
 LOG = logging.getLogger("photonormal")
 

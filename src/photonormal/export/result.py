@@ -17,10 +17,11 @@ from photonormal.export.lights import lp, table
 from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, PREVIEW_HEIGHT, preview, thumbnail
-from photonormal.masked import means
+from photonormal.masked import box_of, means
 from photonormal.png import SRGB, by_rows, encode_png
+from photonormal.resources import cores
 from photonormal.scoring import colours, error_picture
-from photonormal.types import Normals, Result, Surface, box_of, cores
+from photonormal.types import Normals, Result, Surface
 
 LARGE = 2**22  # pixels of a frame above which one file is written after the other, to bound the memory
 ENOUGH = 2**20  # pixels that tell what is brightest

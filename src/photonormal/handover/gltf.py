@@ -19,9 +19,10 @@ from photonormal.handover.glb import INDICES, VERTICES, Buffer
 from photonormal.handover.opened import refuse
 from photonormal.handover.sheets import Layers, nearest, sheet
 from photonormal.handover.surfaces import Part, Relief, relief
+from photonormal.masked import box_of
 from photonormal.png import PngRows
 from photonormal.progress import progress
-from photonormal.types import InputError, Surface, box_of
+from photonormal.types import InputError, Surface
 
 TEXTURE = 8192  # pixels of a picture's side at most, unless said: what nearly every graphics card takes
 SMALLEST, LARGEST = 16, 16384  # that can be asked for; the second is what large graphics cards take

@@ -17,11 +17,12 @@ from photonormal.files.rows import Rows, npz_rows
 from photonormal.geometry import from_frame
 from photonormal.handover.opened import photographs_needed
 from photonormal.handover.surfaces import bands
+from photonormal.masked import box_of
 from photonormal.png import SRGB, encode_png
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, films
 from photonormal.relighting.pictures import Relit, direction, fitted, matt
-from photonormal.types import InputError, Normals, box_of
+from photonormal.types import InputError, Normals
 from photonormal.view.result import report_of
 
 log = logging.getLogger(__name__)

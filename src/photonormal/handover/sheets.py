@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from photonormal.handover import occlusion
 from photonormal.handover.surfaces import Part, Relief, bands
-from photonormal.types import box_of
+from photonormal.masked import box_of
 
 AROUND = 32  # rows that are looked at above and below for known pixels
 

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.arrays import as_normals
 from photonormal.lookup import lookup
-from photonormal.types import InputError, Normals, Surface
+from photonormal.types import InputError, Normals, Surface, as_normals
 
 METHODS = {  # name -> "module:Class", imported only when asked for
     "simchony": "photonormal.integration.simchony:Simchony",

@@ -9,7 +9,7 @@ from functools import cache
 from itertools import pairwise
 from typing import TypeVar
 
-from photonormal.types import cores
+from photonormal.resources import cores
 
 BLOCK = 2**16  # pixels that are worked on at a time: what a cache holds
 LEAST = 16  # rows, so that those which bands share are few

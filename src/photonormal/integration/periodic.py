@@ -10,7 +10,8 @@ from scipy.fft import irfft2, rfft2
 
 from photonormal.integration.conjugate import conjugate_gradients
 from photonormal.integration.slopes import steps
-from photonormal.types import InputError, Normals, Surface, cores
+from photonormal.resources import cores
+from photonormal.types import InputError, Normals, Surface
 
 
 @dataclass(frozen=True)

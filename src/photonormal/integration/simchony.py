@@ -9,7 +9,8 @@ from jaxtyping import Float
 from scipy.fft import dctn, idctn, next_fast_len
 
 from photonormal.integration.slopes import Slopes, surface
-from photonormal.types import Normals, Surface, cores
+from photonormal.resources import cores
+from photonormal.types import Normals, Surface
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from jaxtyping import Bool, Float
 from scipy.ndimage import label
 
 from photonormal.integration.bands import around, each_band
-from photonormal.types import InputError, Normals, Surface, box_of
+from photonormal.masked import box_of
+from photonormal.types import InputError, Normals, Surface
 
 ROWS = 128  # computed at a time, to bound the memory
 

@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from photonormal.masked import means
+from photonormal.masked import box_of, means
 from photonormal.materials.exchange import form_factors, shadows
 from photonormal.methods.albedo import robust
 from photonormal.methods.between import everywhere
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.types import Capture, Normals, Surface, box_of
+from photonormal.types import Capture, Normals, Surface
 
 SIDE = 64  # pixels of the longer side of the grid on which it is found
 LIGHTS = 32  # that are looked at, at most

@@ -11,14 +11,14 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.files import memory
-from photonormal.masked import row_bands
+from photonormal.masked import box_of, row_bands
 from photonormal.materials.lobes import BARE, ROUGHNESS, Samples, fitted, likeliest, log_likelihood, samples
 from photonormal.materials.neighbours import RADIUS, company, pooled, smooth
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.progress import progress
-from photonormal.types import Capture, Materials, Normals, box_of
+from photonormal.types import Capture, Materials, Normals
 
 CPU = torch.device("cpu")
 PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache

@@ -6,10 +6,9 @@ import dataclasses
 import re
 from typing import TYPE_CHECKING, Any
 
-from photonormal.arrays import as_capture
 from photonormal.lookup import lookup
 from photonormal.options import check
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import Capture, InputError, Normals, as_capture
 
 if TYPE_CHECKING:
     from photonormal.methods.contract import Method

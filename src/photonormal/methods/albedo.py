@@ -6,12 +6,12 @@ import numpy as np
 import torch
 from jaxtyping import Bool, Float, Int
 
-from photonormal.masked import row_bands, taken
+from photonormal.masked import box_of, row_bands, taken
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.shading import cosines
-from photonormal.types import Capture, Normals, box_of
+from photonormal.types import Capture, Normals
 
 ROUNDS = 4  # after least squares
 SPREAD = 0.1  # of samples about the albedo, over what it shows: what is farther off is a highlight or a shadow

@@ -10,12 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.files.rows import Rows
-from photonormal.masked import picked, row_bands
+from photonormal.masked import box_of, picked, row_bands
 from photonormal.methods.engine import plan
 from photonormal.progress import progress
 from photonormal.relighting.bases import Basis
 from photonormal.srgb import from_linear
-from photonormal.types import Capture, InputError, Mask, box_of
+from photonormal.types import Capture, InputError, Mask
 
 FEWEST = 6  # terms of a fit, those of ptm
 ROWS = 256  # of each photograph that tell what is white

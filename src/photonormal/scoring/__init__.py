@@ -7,9 +7,8 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from photonormal.arrays import as_normals
 from photonormal.geometry import angle_deg
-from photonormal.types import InputError, Normals
+from photonormal.types import InputError, Normals, as_normals
 
 SCALE_DEG = 45.0  # error that the last colour of every error map stands for
 ROWS = 256  # coloured at a time

@@ -18,12 +18,13 @@ import numpy as np
 import torch
 
 from photonormal.capture.augmentation import augmented
+from photonormal.resources import cores
 from photonormal.synth import Batch
 from photonormal.synth.params import rng
 from photonormal.synth.recipes import parts
 from photonormal.train.recipes import Recipe
 from photonormal.train.sets import SampleSet, check, fewest_pictures, opened
-from photonormal.types import Capture, cores
+from photonormal.types import Capture
 
 AHEAD = 3  # batches that are read while the network learns from another
 KEPT_BYTES = 2**31  # decoded samples are kept up to this size, by all processes of a machine together

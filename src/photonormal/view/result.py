@@ -19,10 +19,11 @@ from photonormal.export.heights import read_depth
 from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
 from photonormal.lighting import under
+from photonormal.masked import box_of
 from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
 from photonormal.scoring import error_map_deg
 from photonormal.stored import read_json
-from photonormal.types import Capture, InputError, Normals, Surface, box_of
+from photonormal.types import Capture, InputError, Normals, Surface
 from photonormal.view.planes import Plane, degrees_plane, height_plane, normals_plane, plane
 
 AGAIN = "measure again"

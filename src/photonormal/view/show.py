@@ -11,7 +11,8 @@ from typing import Any
 from photonormal.capture.images import MARGIN
 from photonormal.disk import refuse_taken, write
 from photonormal.export.result import brightest
-from photonormal.types import InputError, Result, box_of
+from photonormal.masked import box_of
+from photonormal.types import InputError, Result
 from photonormal.view.page import document, ramp, read
 from photonormal.view.planes import SIDE, evenly, units
 from photonormal.view.result import Shown, open_result, shown_of

@@ -80,5 +80,6 @@ def read_journal(folder: Path) -> dict[str, list[tuple[int, float]]]:
             name = PANELS.get(entry["kind"], ("", ""))[0]
             value = decoded(line, dict[str, float | Word | None], what, ADVICE).get(name)
             if value is not None:  # null where it was no number
-                found.setdefault(entry["kind"], {})[entry["step"]] = converted(value, Degrees, what, ADVICE)
+                degrees = converted(value, Degrees, what, ADVICE)  # pyright: ignore[reportArgumentType]
+                found.setdefault(entry["kind"], {})[entry["step"]] = degrees
     return {kind: sorted(entries.items()) for kind, entries in found.items()}

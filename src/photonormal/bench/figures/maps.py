@@ -13,8 +13,9 @@ from photonormal.bench.figures.style import ERRORS, Figure
 from photonormal.bench.scores import Scored, all_scored
 from photonormal.bench.store import Truth, configs, read_truth, truth_path
 from photonormal.integration import integrate
+from photonormal.masked import box_of
 from photonormal.scoring import error_map_deg
-from photonormal.types import InputError, Normals, box_of
+from photonormal.types import InputError, Normals
 
 OBJECTS, METHODS = 4, 5  # at most in one figure, unless they are named
 INCH = 1.25  # a panel's side

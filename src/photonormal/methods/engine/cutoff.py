@@ -14,9 +14,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from photonormal.masked import box_of
 from photonormal.methods.engine.zeros import Filled
 from photonormal.shading import LUMA
-from photonormal.types import Capture, Image, Images, box_of, window_of
+from photonormal.types import Capture, Image, Images, window_of
 
 MIDDLE = 0.75  # levels: above black, which is stored as 0.5, and below the next level
 WHOLE = 0.1  # by which samples are off whole numbers, at most, where a file holds them

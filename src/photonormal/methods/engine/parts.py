@@ -6,9 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from photonormal.masked import box_of
 from photonormal.methods.contract import Method, Solution, Streaming
 from photonormal.methods.engine import not_dark
-from photonormal.types import Capture, box_of
+from photonormal.types import Capture
 
 STEP = 64  # rows between two places that a part may end at: a multiple of every network's stride
 LEAST = 512  # rows of a part: of fewer, a network would see more of the neighbours than of the part

@@ -11,14 +11,14 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.masked import row_bands
+from photonormal.masked import box_of, row_bands
 from photonormal.methods.contract import Observations, Solution, Solver
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
 from photonormal.methods.inputs.grey import Levels, grey_samples, metallic, telling
 from photonormal.progress import progress
-from photonormal.types import Capture, box_of
+from photonormal.types import Capture
 
 
 def by_pixel(method: Solver, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:

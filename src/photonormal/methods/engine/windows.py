@@ -10,7 +10,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from photonormal.types import Capture, box_of
+from photonormal.masked import box_of
+from photonormal.types import Capture
 
 Span = tuple[slice, slice]  # rows and columns
 

@@ -15,11 +15,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from photonormal.masked import picked
+from photonormal.masked import box_of, picked
 from photonormal.methods.classical.woodham import pairs, symmetric_inverse, symmetric_product
 from photonormal.methods.engine import plan
 from photonormal.shading import LUMA
-from photonormal.types import Capture, Image, box_of, window_of
+from photonormal.types import Capture, Image, window_of
 
 SAMPLES = 2**18  # fitted together, at most
 ROUNDS = 6  # of the fit

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from photonormal.masked import box_of
 from photonormal.methods.classical.woodham import Woodham
 from photonormal.methods.contract import Needs, Observations, Solution
 from photonormal.methods.learned.layers import unit
@@ -18,7 +19,6 @@ from photonormal.methods.learned.processor import inner_precision
 from photonormal.options import Count, Effort, Seed
 from photonormal.progress import progress
 from photonormal.shading import normalised
-from photonormal.types import box_of
 
 MARGIN = 5  # pixels around the object
 SHOWN = 0.1  # share of the samples that a loss is taken over

@@ -9,7 +9,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.types import Capture, box_of
+from photonormal.masked import box_of
+from photonormal.types import Capture
 
 AROUND = 1.1  # side of the square over the longer side of the object
 DETAIL = 8  # pixels of a picture, along a side, that become one of the square at most

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
 from photonormal.progress import progress
-from photonormal.types import Capture, InputError, cores
+from photonormal.resources import cores
+from photonormal.types import Capture, InputError
 
 log = logging.getLogger(__name__)
 

@@ -195,11 +195,6 @@ def test_a_checkpoint_of_another_shape_is_refused_in_one_line(trained, tmp_path,
     assert (tmp_path / checkpoint.NAME).read_bytes() == before
 
 
-def test_lightning_prints_nothing_of_its_own(capfd):
-    loop.launched("cpu", "bf16")
-    assert capfd.readouterr() == ("", "")
-
-
 def test_a_flat_training_made_longer_is_what_a_longer_one_would_have_been(tmp_path):
     flat, longer, parts = replace(TINY, schedule="flat"), tmp_path / "longer", tmp_path / "parts"
     run(longer, flat, steps=24)
@@ -422,13 +417,14 @@ from photonormal.methods.learned import processor
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.weights import build
 from photonormal.train import loop, objective
+from photonormal.train.launch import launched
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
 from tests.train.toy import Batch, Toy
 
 out, world = sys.argv[1], int(sys.argv[2])
 processor.knows_bf16 = lambda kind: False
-fabric = loop.launched("cpu", "float32")
+fabric = launched("cpu", "float32")
 assert fabric.world_size == world
 torch.manual_seed(0)
 net = placed(build("lambertian-prior", {"width": 8}), "cpu")

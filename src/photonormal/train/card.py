@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -87,3 +88,23 @@ def device_name(device: torch.device) -> str:
 def _cpuinfo() -> list[str]:
     path = Path("/proc/cpuinfo")
     return path.read_text().splitlines() if path.is_file() else []
+
+
+def command(
+    recipe: str,
+    out: Path,
+    minutes: float | None,
+    steps: int,
+    world: int,
+    seed: int,
+    begun: str | Path | None,
+    name: str,
+    data: Sequence[str | Path] = (),
+    lights: str | Path | None = None,
+) -> str:
+    """The command line that trains this again; RECIPE stands for one without a name, whose fields the card lists."""
+    run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
+    words = [run, "train", recipe, "--out", str(out), f"--minutes {minutes:g}" if minutes else f"--steps {steps}"]
+    words += [f"--data {folder}" for folder in data] + [f"--lights {lights}"] * (lights is not None)
+    words += [f"--seed {seed}"] * bool(seed) + [f"--start-from {begun}"] * bool(begun)
+    return " ".join(words + [f"--name {name}"] * (name != recipe))

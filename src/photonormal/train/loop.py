@@ -8,14 +8,11 @@ Killed at any moment it resumes from its checkpoint and gives the numbers of a t
 from __future__ import annotations
 
 import logging
-import os
 import time
-import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import torch
 
@@ -23,16 +20,18 @@ import photonormal
 from photonormal.capture.lights import read_lights
 from photonormal.disk import at_once, refuse_taken
 from photonormal.methods.engine.prior import prior_named
-from photonormal.methods.learned.network import M, Model, placed
-from photonormal.methods.learned.processor import computing_in, keep_freed_memory, number_format
+from photonormal.methods.learned.network import Model, placed
+from photonormal.methods.learned.processor import computing_in, keep_freed_memory
 from photonormal.methods.learned.weights import build, checksum, load
 from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.train import checkpoint, recipes
+from photonormal.train.averages import averaged, follow, moved
 from photonormal.train.begin import begin
-from photonormal.train.card import device_name, export
+from photonormal.train.card import command, device_name, export
 from photonormal.train.disk import Disk
 from photonormal.train.journal import NAME as JOURNAL
 from photonormal.train.journal import Journal, refuse_foreign
+from photonormal.train.launch import agreed, launched
 from photonormal.train.objective import error
 from photonormal.train.observe import observe
 from photonormal.train.optimiser import Optimiser
@@ -242,51 +241,6 @@ def train(
     return path
 
 
-def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
-    """The number format of a training: its checkpoint's, or the one asked for."""
-    from photonormal.methods.engine.device import torch_device
-
-    with computing_in(asked):
-        found = number_format(torch_device(device))
-    kept = state.get("precision") if state else None
-    if kept is None or kept == found:
-        return found
-    if asked != "auto":
-        raise InputError(f"--precision {asked} came but this training computes in {kept}; leave it out to go on.")
-    return kept
-
-
-def launched(device: str, precision: Precision, changing: bool = False) -> Any:
-    """Fabric on one device, or on torchrun's processes, with `precision` inside the network.
-
-    `changing` where not every step uses all parts of the network.
-    """
-    try:
-        from lightning_fabric import Fabric
-    except ImportError:
-        try:
-            from lightning.fabric import Fabric  # type: ignore[import-not-found]
-        except ImportError:
-            raise InputError("training needs Lightning Fabric; install it: pip install 'photonormal[train]'.") from None
-    from photonormal.methods.engine.device import torch_device
-
-    logging.getLogger(Fabric.__module__.rpartition(".")[0]).setLevel(logging.WARNING)  # it tells of its precision
-    kind = torch_device(device).type
-    processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))
-    nodes = int(os.environ.get("WORLD_SIZE", processes)) // processes
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "The `srun` command is available")  # torchrun starts processes, too
-        fabric = Fabric(
-            accelerator=kind,
-            devices=processes,
-            num_nodes=nodes,
-            strategy=("ddp_find_unused_parameters_true" if changing else "ddp") if processes * nodes > 1 else "auto",
-            precision="bf16-mixed" if precision == "bf16" else "32-true",
-        )
-    fabric.launch()
-    return fabric
-
-
 def started(out: Path, name: str) -> None:
     """Make the folder of a training; refuses to write over another one, or over anything else."""
     if (out / checkpoint.NAME).exists():
@@ -305,53 +259,6 @@ def rendered() -> Callable[..., Iterable]:
     return Stream
 
 
-def follow(mean: dict[str, torch.Tensor], net: Model, decay: float) -> None:
-    """mean <- decay mean + (1 - decay) weights, for every tensor of the network."""
-    weights = net.state_dict()
-    for k, v in mean.items():
-        v.lerp_(weights[k], 1 - decay)
-
-
-def averaged(net: M, mean: dict[str, torch.Tensor]) -> M:
-    """A copy of the network with the running mean of its weights, or itself where there is none."""
-    if not mean:
-        return net
-    copy = type(net)(net.config)
-    copy.load_state_dict(mean)
-    return placed(copy, next(iter(mean.values())).device)
-
-
-def moved(net: M, origin: dict[str, torch.Tensor], share: float) -> M:
-    """A copy of the network a share of the way from other weights to its own, or itself for the whole way.
-
-    Wortsman et al., "Robust fine-tuning of zero-shot models" (CVPR 2022): what the former weights knew stays.
-    """
-    if share == 1:
-        return net
-    weights = net.state_dict()
-    return averaged(net, {k: v.to(weights[k]).lerp(weights[k], share) for k, v in origin.items()})
-
-
 def version() -> dict[str, str]:
     """The software that trains."""
     return {"photonormal": photonormal.__version__, "torch": str(torch.__version__)}
-
-
-def command(
-    recipe: str,
-    out: Path,
-    minutes: float | None,
-    steps: int,
-    world: int,
-    seed: int,
-    begun: str | Path | None,
-    name: str,
-    data: Sequence[str | Path] = (),
-    lights: str | Path | None = None,
-) -> str:
-    """The command line that trains this again; RECIPE stands for one without a name, whose fields the card lists."""
-    run = "photonormal" if world == 1 else f"torchrun --nproc-per-node {world} -m photonormal"
-    words = [run, "train", recipe, "--out", str(out), f"--minutes {minutes:g}" if minutes else f"--steps {steps}"]
-    words += [f"--data {folder}" for folder in data] + [f"--lights {lights}"] * (lights is not None)
-    words += [f"--seed {seed}"] * bool(seed) + [f"--start-from {begun}"] * bool(begun)
-    return " ".join(words + [f"--name {name}"] * (name != recipe))

@@ -221,12 +221,14 @@ class Normals:
                 f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype} "
                 "but (h, w, 3) and (h, w) bool are needed; give maps of one size."
             )
-        kept, wrong = self.map, 0
-        if kept.dtype != np.float32 or any(kept[rows][~self.mask[rows]].any() for rows in _parts(self.mask)):
-            kept = np.where(self.mask[..., None], self.map, 0).astype(np.float32)
+        kept, wrong, beside = self.map, 0, False
         for rows in _parts(self.mask):
-            length = np.linalg.norm(self.map[rows][self.mask[rows]], axis=-1)
-            wrong += int((~(np.abs(length - 1) < 1e-3)).sum())  # also catches NaN
+            part, inside = kept[rows], self.mask[rows]
+            length = np.sqrt(np.einsum("hwk,hwk->hw", part, part))
+            wrong += np.count_nonzero(inside & ~(np.abs(length - 1) < 1e-3))  # also catches NaN
+            beside |= bool(length[~inside].any())
+        if kept.dtype != np.float32 or beside:
+            kept = np.where(self.mask[..., None], kept, 0).astype(np.float32)
         if wrong:
             raise InputError(
                 f"{wrong} normals inside the mask are not unit vectors; "

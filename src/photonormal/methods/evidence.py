@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import partial
+from functools import cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -10,20 +10,20 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from photonormal.masked import taken
+from photonormal.masked import picked
 from photonormal.methods.bend import bend_deg
 from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import (
-    Woodham,
     pairs,
+    scaled_normals,
     symmetric_inverse,
     symmetric_product,
-    weighted_normals,
 )
 from photonormal.methods.engine.samples import Band, all_lights, bands, lights_at
 from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
-from photonormal.shading import angle_deg, cosines, normalised, over_lights, shade
+from photonormal.methods.inputs.grey import ascending
+from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.types import Capture, Normals
 
 LEAST_TOLD = 0.1  # degrees that a method tells: less says nothing
@@ -69,33 +69,32 @@ def evidence_of(
     """`Evidence` of every pixel that has a normal, or of some of them, and what the method tells itself."""
     some = normals.mask if some is None else some
     bent_deg = bend_deg(normals) if bent_deg is None else bent_deg
-    chosen = taken(some, capture.mask)
     L = all_lights(capture, device, torch.float32)
-    N, v = torch.from_numpy(taken(normals.map, some)).to(device), to_camera(capture, some).to(device)
+    N, v = torch.from_numpy(picked(normals.map, some)).to(device), to_camera(capture, some).to(device)
 
-    def told(
-        band: Band, here: Int[np.ndarray, " q"], done: int, s: slice
-    ) -> tuple[Float[Tensor, "b k"], Float[Tensor, "2 n"]]:
-        I = band.I[torch.from_numpy(here[s])].to(device)
-        lights = lights_at(capture, band.first + here[s], device) if L is None else L
-        at = slice(done + s.start, done + s.start + len(I))
+    @cache
+    def numbers() -> Int[np.ndarray, " q"]:  # on the capture's mask
+        return np.flatnonzero(some[capture.mask])
+
+    def told(band: Band, s: slice) -> tuple[Float[Tensor, "b k"], Float[Tensor, "2 n"]]:
+        I = band.I[s].to(device)
+        at = slice(band.first + s.start, band.first + s.start + len(I))
+        lights = lights_at(capture, numbers()[at], device) if L is None else L
         found, unexplained = evidence(I, band.levels.lit(I), lights, N[at], v[at])
         return torch.stack(found, dim=1), unexplained
 
-    parts, done = [], 0
-    for band in bands(capture, L):
+    parts = []
+    for band in bands(capture, L, some=some):
         band.levels.cut_(band.I)
-        here = np.flatnonzero(chosen[band.first : band.first + len(band.I)])
-        parts += side_by_side(partial(told, band, here, done), blocks(len(here), band.I.shape[1], device), device)
-        done += len(here)
+        parts += side_by_side(partial(told, band), blocks(len(band.I), band.I.shape[1], device), device)
     F = torch.nan_to_num(torch.cat([found for found, _ in parts]))
     column = {name: F[:, i] for i, name in enumerate(EVIDENCE)}
     bright = np.quantile(column["level"].cpu().numpy(), 0.9)
     column["level"].sub_(bright).clamp_(min=np.log(1e-2))
     column["worst"].fill_(worst_images(torch.stack([unexplained for _, unexplained in parts]).sum(0)))
-    column["bend"].copy_(logarithm(torch.from_numpy(taken(bent_deg, some)).to(F), 0.05))
+    column["bend"].copy_(logarithm(torch.from_numpy(picked(bent_deg, some)).to(F), 0.05))
     if told_deg is not None:
-        column["told"].copy_(logarithm(torch.from_numpy(taken(told_deg, some)).to(F), LEAST_TOLD))
+        column["told"].copy_(logarithm(torch.from_numpy(picked(told_deg, some)).to(F), LEAST_TOLD))
     return F
 
 
@@ -137,7 +136,14 @@ def evidence(
     shine = ((use * r.clamp(min=0) ** 2).sum(1) / free).sqrt()
     lit_count = keep.to(I.dtype).sum(1).clamp(min=1)
     mean = (I * keep).sum(1) / lit_count
-    middle = keep & Trimmed().window(I, keep)
+    ranked = ascending(I)
+    middle, dim = (keep & rule.window(I, keep, ranked) for rule in (Trimmed(), DIM))
+    plain = scaled_normals(I, L)
+    right, above = opposite(L)
+    halves = [one for half in (right, above, every_other(L)) for one in (half, ~half)]
+    trimmed, *apart = least_squares(I, middle, L, torch.stack([torch.ones_like(right), *halves]), plain).unbind(1)
+    (dimmer,) = least_squares(I, dim, L, torch.ones_like(right)[None], plain).unbind(1)
+    beside, over, between = (angle_deg(a, b) for a, b in zip(apart[::2], apart[1::2], strict=True))
     told = Evidence(
         residual=logarithm(residual, 1e-3).clamp(max=2),
         usual_residual=logarithm(usual, 1e-3).clamp(max=2),
@@ -146,11 +152,11 @@ def evidence(
         contradiction=(keep & (cos <= 0)).to(I.dtype).mean(1),
         lit=keep.to(I.dtype).mean(1),
         uncertainty=uncertainty(use, L, N).log(),
-        woodham=logarithm(angle_deg(N, Woodham().normals(I, L)), 0.1),
-        trimmed=logarithm(angle_deg(N, normalised(weighted_normals(I, middle, L))), 0.1),
-        dim=logarithm(angle_deg(N, DIM.fit(I, keep, L)), 0.1),
-        sides=logarithm(apart_deg(I, middle, L, opposite(L)), 0.1),
-        halves=logarithm(apart_deg(I, middle, L, every_other(L)), 0.05),
+        woodham=logarithm(angle_deg(N, plain), 0.1),
+        trimmed=logarithm(angle_deg(N, trimmed), 0.1),
+        dim=logarithm(angle_deg(N, dimmer), 0.1),
+        sides=logarithm(((beside**2 + over**2) / 2).sqrt(), 0.1),
+        halves=logarithm(between, 0.05),
         worst=torch.zeros_like(mean),  # of all pixels together
         bend=torch.zeros_like(mean),  # of the normals around
         slant=logarithm((N * v).sum(1), 0.05),
@@ -163,15 +169,20 @@ def evidence(
     return told, torch.stack([root.sum(0), use.sum(0)])
 
 
-def apart_deg(
-    I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"], L: Float[Tensor, "*l n 3"], ways: Bool[Tensor, "k n"]
-) -> Float[Tensor, " p"]:
-    """Degrees between least squares on the samples to `keep` of either half of the lights; mean square over `ways`."""
-    square = torch.zeros_like(I[:, 0])
-    for one in ways:
-        a, b = (normalised(weighted_normals(I, keep & half, L)) for half in (one, ~one))
-        square += angle_deg(a, b) ** 2
-    return (square / len(ways)).sqrt()
+def least_squares(
+    I: Float[Tensor, "p n"],
+    keep: Bool[Tensor, "p n"],
+    L: Float[Tensor, "*l n 3"],
+    ways: Bool[Tensor, "k n"],
+    plain: Float[Tensor, "p 3"],
+) -> Float[Tensor, "p k 3"]:
+    """Normals, of any length, of the samples to `keep` under some of the lights, by each of the `ways`; where those do
+    not fix a normal it is `plain`."""
+    w, some = keep.to(I.dtype), ways.to(I.dtype).T[..., None]  # (n, k, 1)
+    A = over_lights(w, (some * pairs(L)[..., None, :]).flatten(-2)).unflatten(-1, (-1, 6))
+    y = over_lights(w * I, (some * L[..., None, :]).flatten(-2)).unflatten(-1, (-1, 3))
+    inverse, fixed = symmetric_inverse(A)
+    return torch.where(fixed, symmetric_product(inverse, y), plain[:, None])
 
 
 def opposite(L: Float[Tensor, "*l n 3"]) -> Bool[Tensor, "2 n"]:
@@ -180,10 +191,10 @@ def opposite(L: Float[Tensor, "*l n 3"]) -> Bool[Tensor, "2 n"]:
     return (xy >= xy.median(0).values).T
 
 
-def every_other(L: Float[Tensor, "*l n 3"]) -> Bool[Tensor, "1 n"]:
+def every_other(L: Float[Tensor, "*l n 3"]) -> Bool[Tensor, " n"]:
     """Every other light in the order of their directions, so that both halves come from everywhere."""
     place = L.reshape(-1, *L.shape[-2:]).mean(0) @ L.new_tensor([0.8, 0.6, 0.0])
-    return (place.argsort().argsort() % 2 == 0)[None]
+    return place.argsort().argsort() % 2 == 0
 
 
 def logarithm(x: Float[Tensor, " p"], least: float) -> Float[Tensor, " p"]:

@@ -39,7 +39,7 @@ PRODUCTS = (  # that are terms, too
     ("trimmed", "uncertainty"),
 )
 FITTED = 3, 100  # images of the scenes that calibrations were fitted to
-EVERY, SPARSEST = 2**16, 4  # pixels up to which each one's error is found; rows and columns between them at most
+EVERY, SPARSEST = 3000, 5  # pixels up to which each one's error is found; of more, one in 25 at least
 LARGEST = 2**22  # pixels whose evidence is held; of larger objects so many
 SHIFT = 0.35  # by which a real object's true normals lie beside its pictures, in parts of its size, `bend.PART`
 PIXELS = 2**20  # whose terms are held at a time

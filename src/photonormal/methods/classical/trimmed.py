@@ -56,15 +56,20 @@ class Trimmed:
         """Unit normals from the samples to `keep`."""
         return normalised(weighted_normals(I, keep & self.window(I, keep), L))
 
-    def window(self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"]) -> Bool[Tensor, "*b p n"]:
-        """Samples whose value lies between those of the window's first and last rank, ties included."""
+    def window(
+        self, I: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"], ranked: Float[Tensor, "*b p n"] | None = None
+    ) -> Bool[Tensor, "*b p n"]:
+        """Samples whose value lies between those of the window's first and last rank, ties included.
+
+        `ranked`: each pixel's samples from dark to bright, where that is known.
+        """
         share = self.highest - self.lowest
         count = keep.to(I.dtype).sum(-1, keepdim=True)  # (*b, p, 1)
         inside = torch.maximum(share * count, count.clamp(max=self.least))
         first = (self.lowest / max(1 - share, 1e-9) * (count - inside)).round()
         last = (first + inside.round() - 1).clamp(min=0)
         dark = I.shape[-1] - count  # they rank below all lit samples
-        ranked = ascending(I)
+        ranked = ascending(I) if ranked is None else ranked
         low = ranked.gather(-1, (dark + first).long().clamp(max=I.shape[-1] - 1))
         high = ranked.gather(-1, (dark + last).long().clamp(max=I.shape[-1] - 1))
         return (I >= low) & (I <= high)

@@ -45,14 +45,14 @@ class Ward:
     def __call__(self, seen: Observations) -> Solution:
         return Solution(self.alternation(self.materials, seen))
 
-    def materials(self, L: Float[Tensor, "*l n 3"]) -> Materials:
+    def materials(self, L: Float[Tensor, "*l n 3"]) -> WardMaterials:
         """The materials to start from."""
         rho_d, rho_s, alpha = (L.new_tensor(x).log() for x in (self.diffuse, self.specular, self.roughness))
-        return Materials(rho_d, rho_s, alpha, L)
+        return WardMaterials(rho_d, rho_s, alpha, L)
 
 
 @dataclass(frozen=True)
-class Materials:
+class WardMaterials:
     """Ward materials, as logarithms of their parameters, under lights L."""
 
     rho_d: Float[Tensor, " m"]
@@ -80,7 +80,7 @@ class Materials:
 
     def fitted(
         self, some: Tensor, I: Float[Tensor, "q n"], keep: Bool[Tensor, "q n"], n: Float[Tensor, "q 3"]
-    ) -> Materials:
+    ) -> WardMaterials:
         """Materials that explain the samples best: gradient descent with shares found anew at each step."""
         w = keep.to(I.dtype)
         root = (I / ((I * w).sum(1, keepdim=True) / w.sum(1, keepdim=True).clamp(min=1)).clamp(min=1e-9)).sqrt()
@@ -89,7 +89,7 @@ class Materials:
         I = root**2
         with torch.enable_grad():
             for _ in range(DESCENT):
-                f = Materials(rho_d, rho_s, alpha, L).radiance(n)
+                f = WardMaterials(rho_d, rho_s, alpha, L).radiance(n)
                 gamma = shares(f.detach(), I, keep)
                 r = root - (gamma[..., None] * f).sum(1).clamp(min=1e-9).sqrt()
                 loss = (w * torch.log1p((r / SPREAD) ** 2)).sum() / w.sum().clamp(min=1)
@@ -98,7 +98,7 @@ class Materials:
                 descent.step()
                 with torch.no_grad():
                     alpha.clamp_(*ROUGHNESS)
-        return Materials(rho_d.detach(), rho_s.detach(), alpha.detach(), self.L)
+        return WardMaterials(rho_d.detach(), rho_s.detach(), alpha.detach(), self.L)
 
 
 def shares(f: Float[Tensor, "p m n"], I: Float[Tensor, "p n"], keep: Bool[Tensor, "p n"]) -> Float[Tensor, "p m"]:

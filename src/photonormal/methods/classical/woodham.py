@@ -58,23 +58,30 @@ def pairs(L: Float[Tensor, "*l n 3"]) -> Float[Tensor, "*l n 6"]:
 
 def symmetric_inverse(A: Float[Tensor, "*p 6"]) -> tuple[Float[Tensor, "*p 6"], Bool[Tensor, "*p 1"]]:
     """Inverses of symmetric 3 x 3 matrices by cofactors, in double precision; and which of them are regular."""
-    xx, xy, xz, yy, yz, zz = A.double().unbind(-1)
-    cofactors = [
-        yy * zz - yz * yz,
-        xz * yz - xy * zz,
-        xy * yz - xz * yy,
-        xx * zz - xz * xz,
-        xy * xz - xx * yz,
-        xx * yy - xy * xy,
-    ]
-    det = (xx * cofactors[0] + xy * cofactors[1] + xz * cofactors[2])[..., None]
-    regular = det > SINGULAR * ((xx + yy + zz)[..., None] / 3) ** 3
-    return torch.stack(cofactors, -1) / torch.where(regular, det, 1), regular
+    xx, xy, xz, yy, yz, zz = _apart(A)
+    cofactors = torch.stack(
+        [
+            yy * zz - yz * yz,
+            xz * yz - xy * zz,
+            xy * yz - xz * yy,
+            xx * zz - xz * xz,
+            xy * xz - xx * yz,
+            xx * yy - xy * xy,
+        ]
+    )
+    det = xx * cofactors[0] + xy * cofactors[1] + xz * cofactors[2]
+    regular = det > SINGULAR * ((xx + yy + zz) / 3) ** 3
+    return (cofactors / torch.where(regular, det, 1)).movedim(0, -1), regular[..., None]
 
 
 def symmetric_product(A: Float[Tensor, "*p 6"], y: Float[Tensor, "*p 3"]) -> Float[Tensor, "*p 3"]:
     """A y for symmetric 3 x 3 matrices; in the precision of `y`."""
     xx, xy, xz, yy, yz, zz = A.unbind(-1)
-    x, y_, z = y.double().unbind(-1)
-    product = torch.stack([xx * x + xy * y_ + xz * z, xy * x + yy * y_ + yz * z, xz * x + yz * y_ + zz * z], -1)
-    return product.to(y.dtype)
+    x, y_, z = _apart(y)
+    product = torch.stack([xx * x + xy * y_ + xz * z, xy * x + yy * y_ + yz * z, xz * x + yz * y_ + zz * z])
+    return product.movedim(0, -1).to(y.dtype)
+
+
+def _apart(v: Float[Tensor, "*p k"]) -> Float[Tensor, " k *p"]:
+    """Double precision, each of the k by itself in memory, where sums and products of them are fast."""
+    return v.movedim(-1, 0).to(torch.float64, memory_format=torch.contiguous_format)

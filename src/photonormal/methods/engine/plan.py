@@ -17,6 +17,7 @@ SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in ea
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 KEPT = 896  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
 BAND = 2368  # bytes of each pixel of such rows while they are read
+FOUND = 32  # bytes of each pixel of the box, for what is found of it: it lies beside the windows
 BLOCK = 2**17  # pixels of such rows that are looked at together, about
 ROWS = 128  # such rows, about, where a picture is wide
 TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
@@ -70,7 +71,7 @@ def _band(
     def needed(wide: int, rows: int) -> float:
         return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
 
-    allowed, rows = memory.allowed(), block(box, net.stride)
+    allowed, rows = max(memory.allowed() - FOUND * h * w, memory.allowed() // 2), block(box, net.stride)
     if device.type != "cpu":
         return w, rows * max(1, SIDE["cuda"] ** 2 // w // rows)
     least = max(net.stride, _down(rows // 2, net.stride))

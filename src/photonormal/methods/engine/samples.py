@@ -66,32 +66,41 @@ class Band(NamedTuple):
     """Some rows of the mask, and what is told of the whole capture."""
 
     I: Float[Tensor, "p n"]  # grey levels, not cut
-    first: int  # number of the first pixel
+    first: int  # number of the first pixel, among all or those chosen
     levels: Levels
     is_metallic: Callable[[], bool]
 
 
-def bands(capture: Capture, L: Float[Tensor, "n 3"] | None, within: slice = slice(None)) -> Iterator[Band]:
-    """Some rows after the other, no more than those `within`."""
-    mask = np.zeros_like(capture.mask)
-    mask[within] = capture.mask[within]
-    rows, first = row_bands(mask, plan.pixels(capture)), int(capture.mask[: within.start or 0].sum())
-    I = grey_levels(capture, within=rows[0])
-    some = telling(capture.mask, I.shape[1])
-    pixels = np.flatnonzero(some[capture.mask])
-    told = I[pixels] if len(I) == capture.mask.sum() else grey_levels(capture, some)
+def bands(
+    capture: Capture,
+    L: Float[Tensor, "n 3"] | None,
+    within: slice = slice(None),
+    some: Bool[np.ndarray, "h w"] | None = None,
+) -> Iterator[Band]:
+    """Some rows after the other, no more than those `within`; of `some` pixels, in place of all on the mask."""
+    whole = capture.mask if some is None else some
+    mask = np.zeros_like(whole)
+    mask[within] = whole[within]
+    lines = np.flatnonzero(mask.any(1))
+    parts = row_bands(mask[lines], plan.pixels(capture))
+    rows = [slice(lines[part.start], lines[part.stop - 1] + 1) for part in parts]
+    first = int(whole[: within.start or 0].sum())
+    I = grey_levels(capture, whole, rows[0])
+    tell = telling(whole, I.shape[1])
+    told = I[np.flatnonzero(tell[whole])] if len(I) == whole.sum() else grey_levels(capture, tell)
     levels = Levels.of(told)
     cut = levels.cut_(told)
 
     @cache
     def is_metallic() -> bool:
+        pixels = np.flatnonzero(tell[capture.mask])
         lights = lights_at(capture, pixels, torch.device("cpu")) if L is None else L
         return metallic(cut, levels.lit(cut), lights)
 
     for k, span in enumerate(rows):
         if k:
             del I  # before the next is read
-            I = grey_levels(capture, within=span)
+            I = grey_levels(capture, whole, span)
         yield Band(I, first, levels, is_metallic)
         first += len(I)
 

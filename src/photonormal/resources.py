@@ -6,8 +6,16 @@ import ctypes
 import os
 import platform
 import sys
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
+from typing import TypeVar
+
+KEPT = 2**29  # bytes that a process may hold: what a small capture frees, the next one needs again
+
+S = TypeVar("S")
+T = TypeVar("T")
 
 
 def reset_peak() -> None:
@@ -24,8 +32,11 @@ def reset_peak() -> None:
 
 
 def hand_back() -> None:
-    """Give the system the memory that was freed, which the C library else keeps for later (glibc only)."""
-    if platform.libc_ver()[0] == "glibc":
+    """Give the system the memory that was freed, which the C library else keeps for later (glibc only); not where the
+    process holds no more than KEPT."""
+    import psutil
+
+    if platform.libc_ver()[0] == "glibc" and psutil.Process().memory_info().rss > KEPT:
         with suppress(OSError, AttributeError):
             ctypes.CDLL("libc.so.6").malloc_trim(0)
 
@@ -70,6 +81,14 @@ _share: int | None = None
 def cores() -> int:
     """Processors that this process may use: those that it may run on, or its share of them."""
     return _share or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
+
+
+def in_threads(f: Callable[[S], T], items: Iterable[S], threads: int) -> list[T]:
+    """``f`` of every item, in order, by so many threads: by this one where that is one."""
+    if threads == 1:
+        return [f(item) for item in items]
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(f, items))
 
 
 def take_share(threads: int) -> None:

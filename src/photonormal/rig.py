@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +23,7 @@ from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame, normalised
 from photonormal.options import Coordinate, LightsFrom, Positive, check_value
 from photonormal.progress import progress
-from photonormal.resources import cores
+from photonormal.resources import cores, in_threads
 from photonormal.types import InputError
 
 if TYPE_CHECKING:
@@ -323,8 +322,7 @@ def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool 
 
 def images_of(images: ImageFiles, f: Callable[[np.ndarray], np.ndarray]) -> list[np.ndarray]:
     """``f(image)`` of every picture, in order, in threads."""
-    with ThreadPoolExecutor(cores()) as pool:
-        return list(pool.map(lambda j: f(images[j]), range(len(images))))
+    return in_threads(lambda j: f(images[j]), range(len(images)), cores())
 
 
 def _region(text: str, shape: Sequence[int]) -> tuple[slice, slice]:

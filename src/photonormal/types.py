@@ -9,7 +9,6 @@ origin is the camera in a perspective view, else the middle of the picture at th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 
@@ -25,7 +24,7 @@ from photonormal.lamps import from_the_middle
 from photonormal.lamps import unit_lights as unit_lights
 from photonormal.masked import picked
 from photonormal.notebook import capture_png, normals_png, surface_png
-from photonormal.resources import cores
+from photonormal.resources import cores, in_threads
 
 if TYPE_CHECKING:
     from photonormal.crop import Crop
@@ -186,8 +185,7 @@ class Capture:
 
     def each_image(self, f: Callable[[int], T]) -> list[T]:
         """``f(j)`` of every image, in order; by as many threads as there are cores."""
-        with ThreadPoolExecutor(cores()) as pool:
-            return list(pool.map(f, range(self.images.shape[0])))
+        return in_threads(f, range(self.images.shape[0]), cores())
 
     def map_images(self, f: Callable[[int, Image], T]) -> list[T]:
         """``f(j, image)`` of every image, in order; decoded by as many threads as there are cores."""

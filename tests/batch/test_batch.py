@@ -5,14 +5,17 @@ import json
 import os
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import photonormal as pn
-from photonormal.batch import state, workers
+from photonormal import disk
+from photonormal.batch import run, state, workers
 from photonormal.batch.work import work
 from photonormal.cli import batching
+from photonormal.disk import Batch
 from photonormal.export.result import write_result
 from tests.batch.conftest import cut, normals
 
@@ -186,6 +189,36 @@ def test_what_another_batch_has_made_since_is_not_made_again(season, tmp_path, b
     written = []
     monkeypatch.setattr("photonormal.job.write_result", lambda *a, **k: written.append(1) or write_result(*a, **k))
     assert batch()[0] == 0 and len(written) == 3
+
+
+def test_what_another_is_just_at_is_waited_for_and_not_failed(season, tmp_path, here, batch, monkeypatch):
+    results, looks = tmp_path / "results", iter(range(3))
+    batch()
+    shutil.rmtree(results / "vase-0")
+    other = Batch(results / "vase-0")
+    other.open(0)
+
+    def in_use(folder):
+        if next(looks) == 2:
+            other.close()
+        return disk.in_use(folder)
+
+    monkeypatch.setattr(run, "LOOK_S", 0)
+    monkeypatch.setattr(run, "in_use", in_use)
+    code, out, err = batch()
+    assert code == 0 and "1 measured, 2 were done" in out and next(looks, None) is None
+    assert err == "photonormal: waiting for another photonormal, which is at vase-0.\n"
+    assert rows(results)["vase-0"]["state"] == "done"
+
+
+def test_the_summary_tells_what_another_batch_has_measured_since(season, tmp_path, here, batch, monkeypatch):
+    def run(waiting, at, begun, jobs):
+        for named in waiting:
+            yield work(named)
+        work(replace(waiting[0], job=replace(waiting[0].job, out=tmp_path / "results" / "of another")))
+
+    monkeypatch.setattr(workers, "run", run)
+    assert batch()[0] == 0 and rows(tmp_path / "results")["of another"]["state"] == "done"
 
 
 def test_the_parquet_table_is_the_csv_table(season, tmp_path, here, batch):

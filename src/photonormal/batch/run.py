@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from photonormal.batch.captures import Found
+from photonormal.batch.captures import Found, Named
 from photonormal.batch.state import State, state_of
 from photonormal.batch.summary import Summary
-from photonormal.batch.work import Measured, Outcome
-from photonormal.progress import several
+from photonormal.batch.work import Begun, Measured, Outcome
+from photonormal.disk import in_use
+from photonormal.progress import Several, several
 from photonormal.types import InputError
 
 EVERY_S = 10.0  # between two summaries while captures are measured
+LOOK_S = 0.5  # between two looks at a capture that another process is at
 Event = Callable[..., None]  # what happened, to which capture, and more
 
 
@@ -35,7 +37,7 @@ def run(
     out : folder of the batch
     tell : is called with an event and what belongs to it: ("found", captures=..., waiting=..., left_out=...),
         ("stale", capture=..., why=...), ("begun", capture=..., where=...), ("done", capture=..., seconds=..., ...),
-        ("failed", capture=..., kind=..., message=...), ("summary", ...)
+        ("failed", capture=..., kind=..., message=...), ("busy", captures=[...]), ("summary", ...)
     measured : gives what comes of the captures: `photonormal.batch.workers.run`, or a cluster's
     retry : try again what has failed before in the same way
     overwrite : make results of other options again, and write beside what is no result
@@ -70,15 +72,14 @@ def run(
             counts.update(kept=-1, failed=1)
             tell("failed", capture=name, kind="before", message=state.why)
     try:
-        with several(f"{len(waiting)} captures", len(waiting)) as bars:
+        with several(f"{len(waiting)} capture{'s' * (len(waiting) != 1)}", len(waiting)) as bars:
 
             def begun(name: str, where: str) -> None:
                 bars.at(name, "begun", 0, None)
                 tell("begun", capture=name, where=where)
 
             written = time.monotonic()
-            for outcome in measured(waiting, bars.at, begun):
-                bars.gone(outcome.name)
+            for outcome in _outcomes(waiting, measured, bars, begun, tell):
                 bars.advance()
                 summary.read(outcome.name)
                 counts.update([_told(outcome, tell)])
@@ -86,10 +87,30 @@ def run(
                     summary.write()
                     written = time.monotonic()
     finally:
+        summary.read_others()
         summary.write()
     numbers = {key: counts[key] for key in ("measured", "kept", "failed")}
     tell("summary", **numbers, out=str(out))
     return numbers
+
+
+def _outcomes(waiting: list[Named], measured: Measured, bars: Several, begun: Begun, tell: Event) -> Iterator[Outcome]:
+    """What comes of the captures, as it comes. Those that another process is just at come last, once it has ended, and
+    are measured where it has left no result."""
+    while waiting:
+        busy: set[str] = set()
+        for outcome in measured(waiting, bars.at, begun):
+            bars.gone(outcome.name)
+            if outcome.busy:
+                busy.add(outcome.name)
+            else:
+                yield outcome
+        waiting = [named for named in waiting if named.name in busy]
+        if waiting:
+            tell("busy", captures=[named.name for named in waiting])
+        for named in waiting:
+            while in_use(named.job.out):
+                time.sleep(LOOK_S)
 
 
 def _wanted(state: State, retry: bool) -> bool:

@@ -65,9 +65,16 @@ class Summary:
 
     def __init__(self, out: Path, names: Iterable[str], overwrite: bool) -> None:
         self.out, self.overwrite = out, overwrite
-        reports = [p.parent.relative_to(out).as_posix() for p in sorted(out.glob("*/**/" + REPORT))]
-        others = [name for name in reports if not any(part.startswith(".") for part in Path(name).parts)]
-        self._rows = {name: row(name, out / name) for name in dict.fromkeys([*names, *others])}
+        self._rows = {name: row(name, out / name) for name in names}
+        self._names = set(self._rows)
+        self.read_others()
+
+    def read_others(self) -> None:
+        """Look again what is told of captures that are not this batch's: another may be at work below `out`."""
+        reports = [p.parent.relative_to(self.out).as_posix() for p in sorted(self.out.glob("*/**/" + REPORT))]
+        for name in reports:
+            if name not in self._names and not any(part.startswith(".") for part in Path(name).parts):
+                self.read(name)
 
     def read(self, name: str) -> None:
         """Look again what is told of a capture."""

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from photonormal.batch.captures import Named
 from photonormal.batch.row import PAGE
 from photonormal.batch.state import Kind, record_failure, state_of
+from photonormal.disk import InUse
 from photonormal.resources import take_share
 from photonormal.types import InputError
 
@@ -26,6 +27,7 @@ class Outcome:
     failure : why there is no result, one line; "": there is one
     kind : of the failure
     numbers : of the result, for events
+    busy : whether nothing came of it since another process is writing its result
     """
 
     name: str
@@ -33,6 +35,7 @@ class Outcome:
     failure: str = ""
     kind: Kind = "input"
     numbers: dict[str, Any] | None = None
+    busy: bool = False
 
 
 At = Callable[[str, str, int, int | None], None]  # of a capture: what is being done, steps done and in all
@@ -65,6 +68,8 @@ def work(named: Named, parts: Sequence[Part] = ()) -> Outcome:
         if state_of(named.job).kind == "done":  # another batch has measured it since
             return Outcome(named.name, time.perf_counter() - start)
         report = carry_out(named.job, read, parts, lambda result: {PAGE: small_page(result, named.name)})
+    except InUse:
+        return Outcome(named.name, time.perf_counter() - start, busy=True)
     except InputError as error:
         kind, failure = "input", str(error)
     except MemoryError:

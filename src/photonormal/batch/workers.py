@@ -119,12 +119,17 @@ def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None)
         _end(workers)
 
 
+def blas_threads() -> dict[str, str]:
+    """The variable by which numpy multiplies by one thread, unless the user says otherwise: its matrices are small, and
+    more threads wait for each other on cores that other captures need."""
+    return {BLAS_THREADS: os.environ.get(BLAS_THREADS, "1")}
+
+
 @contextlib.contextmanager
 def beginning() -> Iterator[None]:
-    """Processes that begin in the block never hear of Ctrl-C, and numpy multiplies by one thread there, unless the user
-    says otherwise: its matrices are small, and more threads wait for each other on cores that other captures need."""
+    """Processes that begin in the block never hear of Ctrl-C, and find `blas_threads` in their environment."""
     said = os.environ.get(BLAS_THREADS)
-    os.environ.setdefault(BLAS_THREADS, "1")
+    os.environ |= blas_threads()
     try:
         with _without_ctrl_c():
             yield

@@ -159,6 +159,8 @@ def in_words(event: str, **what: Any) -> None:
         tell(f"{what['capture']}: {what['message']}")
     elif event == "stale":
         tell(f"{what['capture']} is measured again: {what['why']}")
+    elif event == "busy":
+        tell(f"waiting for another photonormal, which is at {', '.join(what['captures'])}.")
     elif event == "summary":
         failed = f", {what['failed']} failed; --retry failed tries those again" if what["failed"] else ""
         print(f"{what['measured']} measured, {what['kept']} were done{failed}: {what['out']}")

@@ -28,8 +28,7 @@ from typing import BinaryIO, TypeAlias
 
 from photonormal.disk.journal import PARTIAL, Journal, stamp, sync
 from photonormal.disk.locking import uninterrupted
-from photonormal.disk.refusals import NOTHING, refuse_folder, unwritable
-from photonormal.types import InputError
+from photonormal.disk.refusals import NOTHING, InUse, refuse_folder, unwritable
 
 Content: TypeAlias = bytes | memoryview | Callable[[BinaryIO], object]  # of a file, or what writes it into one
 
@@ -95,7 +94,7 @@ class Batch:
             self._made = _make(self.folder)
         while not self._taken():
             if time.monotonic() >= deadline:
-                raise InputError(
+                raise InUse(
                     f"{self.folder} is being written by another photonormal; wait for it or choose another --out."
                 )
             time.sleep(0.02)

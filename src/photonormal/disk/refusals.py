@@ -24,6 +24,10 @@ REASONS = {
 NOTHING = " Nothing was changed."
 
 
+class InUse(InputError):
+    """Another process is writing there."""
+
+
 def unwritable(path: Path, error: OSError, after: str = NOTHING) -> InputError:
     """What to raise where `path` can't be written; `after` tells the state that is left."""
     what = REASONS.get(error.errno or 0, f"{error.strerror or error}; choose another place")

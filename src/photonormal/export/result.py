@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, PREVIEW_HEIGHT, preview, thumbnail
 from photonormal.masked import box_of, means
 from photonormal.png import SRGB, by_rows, encode_png
-from photonormal.resources import cores
+from photonormal.resources import cores, in_threads
 from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface
 
@@ -74,9 +73,7 @@ def write_result(
         folder.write("lights.lp", lp(result.capture.image_names, result.lights))
     if result.intensities is not None:
         folder.write("light_intensities.txt", table(result.intensities[:, None]))
-    with ThreadPoolExecutor(cores() if normals.mask.size < LARGE else 1) as pool:
-        for job in [pool.submit(job) for job in jobs]:
-            job.result()
+    in_threads(lambda job: job(), jobs, cores() if normals.mask.size < LARGE else 1)
     told["seconds"] = {**result.report["seconds"], "export": round(time.perf_counter() - start, 4)}
     return report(folder, result.report | (read or {}) | told)
 

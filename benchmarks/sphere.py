@@ -1,21 +1,24 @@
 """Finding mirror spheres: rendered frames whose lights are known, through `photonormal calibrate`, rates for each kind.
 
-    python benchmarks/sphere.py [--frames 10] [--seed 1] [--kinds coin,two] [--keep FOLDER]
+    python benchmarks/sphere.py [--frames 10] [--seed 1] [--kinds coin,two] [--keep FOLDER] [--results FILE]
 
 A frame is a scene under 6 to 48 lamps, in files as a camera writes them: one or two mirror balls, chrome, black or
 red, 0.015 to 0.4 of the short side in radius, on a table that they mirror and shade; lamps of finite size and unequal
 strength on a hemisphere or in rings, far away or near; noise, blur, 8 bits, JPEG or PNG. The camera is far away.
 
 `right`: the mean angle to the true directions is at most 2 degrees. `told`: it is more, and a warning says so.
-`silent`: it is more than 5 without a warning. `doubts` counts the right ones that come with a warning.
+`silent`: it is more than 5 without a warning, `2 to 5`: less. `doubts` counts the right ones that come with a warning.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import shutil
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -28,6 +31,7 @@ from photonormal.types import InputError
 SAMPLES = 5  # across the reflection of a lamp, at least
 LENS = 0.4  # blur in pixels before there are pixels: without it a small lamp's place within its pixel leaves no trace
 KINDS = ("alone", "coin", "bead", "plate", "table", "border", "two")
+OUTCOMES = ("right", "refused", "told", "2 to 5", "silent")
 
 
 @dataclass
@@ -299,47 +303,55 @@ def main() -> None:
     parser.add_argument("--megapixels", type=float, default=12, help="of all pictures of a frame, at most about")
     parser.add_argument("--only", type=int, default=None, help="one frame's number")
     parser.add_argument("--keep", type=Path, default=None, help="folder for the frames that are not right")
+    parser.add_argument("--results", type=Path, help="lines of JSON, one a frame; those that are there are not redone")
     given = parser.parse_args()
-    print("| kind | frames | right | refused | told | 2 to 5 | silent | doubts |\n|---|---|---|---|---|---|---|---|")
-    total = np.zeros(6, int)
-    for kind in given.kinds.split(","):
-        counts = np.zeros(6, int)
-        for k in range(given.frames) if given.only is None else [given.only]:
-            rng = np.random.default_rng([given.seed, KINDS.index(kind), k])
-            counts += outcome(kind, k, scene_of(kind, rng, given.megapixels), rng, given.keep)
-        total += counts
-        print(f"| {kind} | {counts[:5].sum()} | {' | '.join(map(str, counts))} |", flush=True)
-    print(f"| all | {total[:5].sum()} | {' | '.join(map(str, total))} |")
+    lines = given.results.read_text().splitlines() if given.results and given.results.exists() else []
+    there = {tuple(row["of"]): row for row in map(json.loads, lines)}
+    print("| kind | frames | " + " | ".join(OUTCOMES) + " | doubts |\n|" + "---|" * 8)
+    rows = {kind: [] for kind in given.kinds.split(",")}
+    for k in range(given.frames) if given.only is None else [given.only]:
+        for kind, judged in rows.items():
+            of = (given.seed, given.megapixels, kind, k)
+            if of not in there:
+                rng = np.random.default_rng([given.seed, KINDS.index(kind), k])
+                row = {"of": of, **outcome(f"{kind}-{k}", scene_of(kind, rng, given.megapixels), rng, given.keep)}
+                there[of] = row
+                if given.results:
+                    with given.results.open("a") as file:
+                        file.write(json.dumps(row) + "\n")
+            judged.append(there[of])
+    for kind, judged in rows.items():
+        print(line_of(kind, judged))
+    print(line_of("all", [row for judged in rows.values() for row in judged]))
 
 
-def outcome(kind: str, k: int, scene: Scene, rng: np.random.Generator, keep: Path | None) -> np.ndarray:
-    """Which of right, refused, told, 2 to 5, silent a frame is, and whether a right one is doubted: (6,) of 0 and 1."""
+def line_of(kind: str, rows: list[dict[str, Any]]) -> str:
+    """Counts of one kind."""
+    counts = [sum(row["outcome"] == name for row in rows) for name in OUTCOMES]
+    doubts = sum(row["outcome"] == "right" and bool(row["said"]) for row in rows)
+    return f"| {kind} | {len(rows)} | {' | '.join(map(str, counts))} | {doubts} |"
+
+
+def outcome(name: str, scene: Scene, rng: np.random.Generator, keep: Path | None) -> dict[str, Any]:
+    """What became of a frame, and what is shown in it."""
     with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) if keep is None else keep / f"{kind}-{k}"
+        folder = (keep or Path(place)) / name
         folder.mkdir(parents=True, exist_ok=True)
         written(scene, rng, folder)
         try:
             report = calibrate(folder, out=folder / "out" / "lights.lp", overwrite=True)
             listed = read_lights(folder / "out" / "lights.lp")
-            names, L = listed.names, listed.vectors
-            used = [int(name[4:7]) - 1 for name in names]
-            off, said = min(float(angle_deg(L, t[used]).mean()) for t in truth(scene)), " ".join(report["warnings"])
-            at = 0 if off <= 2 else 2 if said else 3 if off <= 5 else 4
+            used = [int(picture[4:7]) - 1 for picture in listed.names]
+            off = min(float(angle_deg(listed.vectors, t[used]).mean()) for t in truth(scene))
+            said = " ".join(report["warnings"])
+            at = "right" if off <= 2 else "told" if said else "2 to 5" if off <= 5 else "silent"
         except InputError as error:
-            off, said, at = np.nan, str(error), 1
-        ball = scene.balls[0]
-        x, y = ball.C[0] + (scene.shape[1] - 1) / 2, (scene.shape[0] - 1) / 2 - ball.C[1]
-        if keep is not None:
-            print(
-                f"  {kind}-{k}: {('right', 'refused', 'told', '2 to 5', 'SILENT')[at]} {off:.2f}; {scene.shape[::-1]} "
-                f"n {len(scene.lamps)} ball {x:.1f},{y:.1f},{ball.r:.1f} f0 {ball.f0:.2f}; {said}"[:330],
-                flush=True,
-            )
-            if at == 0:
-                import shutil
-
-                shutil.rmtree(folder)
-    return np.eye(5, 6, dtype=int)[at] + np.array([0, 0, 0, 0, 0, int(at == 0 and bool(said))])
+            off, said, at = None, str(error), "refused"
+        if keep is not None and at == "right":
+            shutil.rmtree(folder)
+    h, w = scene.shape
+    balls = [[b.C[0] + (w - 1) / 2, (h - 1) / 2 - b.C[1], b.r, b.f0, b.body.max(), b.rough_deg] for b in scene.balls]
+    return {"outcome": at, "off": off, "said": said, "size": [w, h], "lamps": len(scene.lamps), "balls": balls}
 
 
 if __name__ == "__main__":

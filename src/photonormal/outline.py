@@ -42,8 +42,11 @@ class Outline:
         n = (self.n @ M.T)[:, :2]
         return float((n * self.away).sum() / max(np.linalg.norm(n, axis=1).sum(), 1e-9))
 
-    def vote(self, M: Float[np.ndarray, "3 3"]) -> float:
-        """`outwards` where the surface turns away there and clearly to one side; 0 where the outline says nothing."""
+    def leaning(self, M: Float[np.ndarray, "3 3"]) -> float:
+        """`outwards` where that is clearly to one side, as at the rim of a coin, too; else 0."""
         value = self.outwards(M)
-        occluding = float(np.median(self.n[:, 2])) < TURNED_AWAY
-        return value if occluding and abs(value) > CLEAR else 0.0
+        return value if abs(value) > CLEAR else 0.0
+
+    def vote(self, M: Float[np.ndarray, "3 3"]) -> float:
+        """The same where the surface turns away there; 0 where the outline says nothing."""
+        return self.leaning(M) if float(np.median(self.n[:, 2])) < TURNED_AWAY else 0.0

@@ -87,7 +87,7 @@ class Capture:
     crop : which part of the photographs it shows, reduced; None: all of them
     notes : what was assumed when it was read, and the user should know, a sentence each
     encoding : how the files' samples were taken and what says so, such as "sRGB (Exif)"; `linearised` where they were
-        not linear
+        not linear; `likely_encoded` where they were taken for linear, as JPEG files that don't say it seldom are
 
     Raises
     ------
@@ -110,6 +110,7 @@ class Capture:
     notes: tuple[str, ...] = field(default=(), repr=False)
     encoding: str = field(default="", repr=False)
     linearised: bool = field(default=False, repr=False)
+    likely_encoded: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
         given = np.shape(self.images) if isinstance(self.images, np.ndarray) else ()

@@ -8,7 +8,8 @@ from photonormal.calibration.circle import Circle
 
 
 def circle(r: float, confidence: float, shadows: float, edges: bool = True, x: float = 300.0, mirrored=1.0) -> Found:
-    return Found(Circle(x, 200.0, r, confidence, 0.2 if edges else 0.0), np.zeros((0, 2)), mirrored, shadows=shadows)
+    c = Circle(x, 200.0, r, confidence, 0.2 if edges else 0.0)
+    return Found(c, np.zeros((0, 2)), mirrored, 0.1, shadows=shadows)
 
 
 def test_of_circles_alike_the_better_one_stays_and_is_as_sure_as_the_other():

@@ -54,13 +54,22 @@ def test_noise_and_stripes_are_no_sphere():
         found([(stripes + 0.02 * rng.random(SHAPE)).astype(np.float32) for _ in range(6)])
 
 
-def test_a_sphere_cut_by_the_border_is_refused():
-    cut = [
-        photograph([(*highlight_at(l, (70, 120), 90), 3.0)], (70, 120), 90, seed=j) for j, l in enumerate(dome(5, 40))
-    ]
+def cut_at(x: float) -> list[np.ndarray]:
+    """A sphere of 90 pixels of radius whose centre is x pixels from the left border."""
+    lights = enumerate(dome(5, 40))
+    frames = [photograph([(*highlight_at(l, (x, 120), 90), 3.0)], (x, 120), 90, seed=j) for j, l in lights]
+    return [frame / np.float32(255) for frame in frames]
+
+
+def test_a_sphere_of_which_the_border_cuts_off_most_is_refused():
     with pytest.raises(SphereError, match=r"the sphere in chrome at \d.* is cut by the border") as refusal:
-        found([p / np.float32(255) for p in cut])
+        found(cut_at(40))
     assert round(refusal.value.circles[0].r) == 90
+
+
+def test_a_sphere_that_the_border_cuts_a_little_is_used():
+    circle = found(cut_at(70))[0].circle
+    assert np.abs(np.array([circle.x, circle.y, circle.r]) - (70, 120, 90)).max() < 0.5 and circle.cut(SHAPE)
 
 
 def test_a_sphere_of_which_the_border_hides_highlights_is_to_be_photographed_whole():

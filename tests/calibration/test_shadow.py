@@ -61,6 +61,16 @@ def test_the_ball_s_circle_explains_what_is_dark_and_others_do_not():
     assert max(around.explained(Circle(150, 120, 20 * part), xy) for part in (0.75, 1.4)) < 0.8
 
 
+def test_of_two_reflections_the_shadow_tells_which_is_the_light_s():
+    lights = dome(12, 70)[6:]
+    around, right = Surroundings.of([np.sqrt(p) for p in scene(lights)]), highlights(lights)
+    other = 2 * np.array([BALL.x, BALL.y]) - right  # opposite
+    xy, others = right.copy(), np.full((1, *right.shape), np.nan)
+    xy[2], others[0, 2], others[0, 4] = other[2], right[2], other[4]
+    chosen, clear = around.chosen(BALL, xy, others)
+    assert np.allclose(chosen, right) and clear[[2, 4]].all()
+
+
 def test_lamps_are_as_near_as_the_gradients_of_their_light_say():
     """Lamps 12 radii from the ball's centre light a table with T.(p - x) / |p - x|^3, and cast larger shadows."""
     lights, r, far = dome(12, 60), BALL.r, 12 * BALL.r

@@ -110,6 +110,18 @@ def test_shine_is_neither_another_light_nor_an_encoding(strength, exponent):
     assert explanation(Distant(s.I, LIGHTS), s.mask, 16, linearised=False) == []
 
 
+@pytest.mark.parametrize(("level", "of_silent_jpeg"), [(0.1, "encoding"), (0.2, "ambient")])
+def test_what_lifts_the_dark_of_jpeg_files_that_say_nothing_is_their_encoding_but_where_light_explains_it_well(
+    level, of_silent_jpeg
+):
+    s = samples.read(shining(bumps(), 0.3, 25))
+    lifted = Distant((s.I / s.I.max() + level) / (1 + level), LIGHTS)
+    said = [explanation(lifted, s.mask, 8, False, encoded)[0] for encoded in (False, True)]
+    assert [f.kind for f in said] == ["ambient", of_silent_jpeg] and said[1].options.get("srgb", False) == (
+        level == 0.1
+    )
+
+
 @pytest.mark.parametrize("exponent", [2, 5])
 def test_sheen_of_a_ball_is_no_near_lamp(exponent):
     """What faces a lamp lies on its side of the ball, so that places explain sheen nearly as well as normals do."""

@@ -24,25 +24,25 @@ def engraved(seed: int) -> np.ndarray:
     return z
 
 
-def towers(seed: int) -> np.ndarray:
+def towers(seed: int, count: int = 14) -> np.ndarray:
     """Heights of a plate with tall pillars, which cast shadows."""
     rng, (y, x) = np.random.default_rng(seed), np.mgrid[:SIZE, :SIZE]
     z = 0.5 * np.sin(x / 7) * np.cos(y / 9)
-    for cx, cy in rng.permutation([(i, j) for i in range(10, 70, 13) for j in range(10, 70, 13)])[:14]:
+    for cx, cy in rng.permutation([(i, j) for i in range(10, 70, 13) for j in range(10, 70, 13)])[:count]:
         z += 8 / (1 + np.exp((np.hypot(x - cx, (y - cy) * 1.3) - 3.5) / 0.6))
     return z
 
 
-def seen(z: np.ndarray, frame: Frame, cast: bool = False) -> Surface:
-    """The plate, matt, photographed under LIGHTS that are given in another frame, cut by a rectangular mask."""
+def seen(z: np.ndarray, frame: Frame, cast: bool = False, mask: np.ndarray = RECTANGLE) -> Surface:
+    """The plate, matt, photographed under LIGHTS that are given in another frame, cut by a mask."""
     z_y, z_x = np.gradient(z)
     N = normalised(np.stack([-z_x, z_y, np.ones_like(z)], axis=-1))
     I = 0.7 * np.maximum(N @ LIGHTS.T, 0)
     if cast:
         I = I * np.stack([~shadowed(z, l) for l in LIGHTS], axis=-1)
-    I = (I + 0.002 * np.random.default_rng(1).standard_normal(I.shape)).clip(0)[RECTANGLE]
+    I = (I + 0.002 * np.random.default_rng(1).standard_normal(I.shape)).clip(0)[mask]
     L = LIGHTS @ frame.matrix().T
-    return Surface(I, robust_normals(I, L, I > 0.014), RECTANGLE, L)
+    return Surface(I, robust_normals(I, L, I > 0.014), mask, L)
 
 
 def shadowed(z: np.ndarray, l: np.ndarray) -> np.ndarray:
@@ -86,6 +86,16 @@ def test_lights_a_little_off_are_no_mirrored_frame_of_parallel_folds(turn_deg, a
     folds = np.sin(4 * (across + 0.03 * np.sin(along + 1))) * (1 + 0.1 * np.sin(0.7 * along))
     assert judged(seen(folds, Frame(False, turn_deg))).frame == GIVEN
     assert judged(seen(folds, Frame(False, 90))).frame != GIVEN
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_few_shadows_and_a_rim_that_is_no_outline_tell_half_a_turn_together(turned):
+    """Four pillars on a coin whose rim falls off by 40 degrees, and the same without its rim."""
+    y, x = np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2
+    r, frame = np.hypot(x, y), GIVEN.half_turned() if turned else GIVEN
+    coin = towers(0, 4) - 0.84 * np.maximum(r - 28, 0)
+    rim, inner = (judged(seen(coin, frame, True, mask=r < radius)) for radius in (33, 26))
+    assert (rim.half, rim.frame) == (True, frame) and not inner.half
 
 
 def test_a_hollow_plate_is_no_flipped_one():

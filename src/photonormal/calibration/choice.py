@@ -38,23 +38,27 @@ class Found:
     ----------
     xy : (n, 2) its highlights, NaN where a picture has none
     mirrored : part of the pictures whose highlight is a mirror's
+    width : radius of the highlights as a rule, in radii of the circle
     rival : confidence of the best circle elsewhere
     notes : what the user is to know
     supported : its lights explain the shading of the rest of the frame
     unexplained : part of that shading which they don't
     shadows : correlation of what is dark around it with the shadows of that sphere under those lights
     astray : pictures whose highlight is not where their shadow says
+    told : pictures whose shadow tells which of several reflections is the light's
     """
 
     circle: Circle
     xy: np.ndarray = field(repr=False)
     mirrored: float
+    width: float
     rival: float = 0.0
     notes: tuple[str, ...] = ()
     supported: bool = False
     unexplained: float = 0.0
     shadows: float = 0.0
     astray: tuple[int, ...] = ()
+    told: tuple[int, ...] = ()
 
     def moved(self, x0: float, y0: float, scale: float) -> Found:
         """The same in pixels of the photograph: this place begins at (x0, y0) and was seen `scale` times as large."""

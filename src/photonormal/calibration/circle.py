@@ -13,6 +13,8 @@ from jaxtyping import Bool, Float
 
 from photonormal.types import InputError
 
+CUT_OFF = 0.5  # part of the radius that the border may cut off: of more rendered balls one was off by 11 degrees
+
 
 @dataclass(frozen=True)
 class Circle:
@@ -35,15 +37,17 @@ class Circle:
         return f"{self.x:.1f},{self.y:.1f},{self.r:.1f}"
 
     def check_inside(self, shape: Sequence[int], where: str) -> None:
-        """Raise SphereError where the frame (h, w) cuts the sphere."""
+        """Raise SphereError where the frame (h, w) cuts off so much of the sphere that its outline is uncertain."""
+        if self.beyond(shape) > CUT_OFF * self.r:
+            raise SphereError(f"{self.cut_off(shape, where)}; photograph it whole.", (self,))
+
+    def cut_off(self, shape: Sequence[int], where: str) -> str:
+        """How much of it lies outside the frame (h, w), in words."""
         h, w = shape[:2]
-        if self.cut(shape):
-            raise SphereError(
-                f"the sphere in {where} at {self} is cut by the border ({self.beyond(shape):.0f} of its {self.r:.0f} "
-                f"pixels of radius lie outside the frame of {w} x {h}) but its whole outline is needed; photograph it "
-                "whole.",
-                (self,),
-            )
+        return (
+            f"the sphere in {where} at {self} is cut by the border ({self.beyond(shape):.0f} of its {self.r:.0f} "
+            f"pixels of radius lie outside the frame of {w} x {h}) but its whole outline is needed"
+        )
 
     def beyond(self, shape: Sequence[int]) -> float:
         """By how many pixels it leaves the frame (h, w)."""

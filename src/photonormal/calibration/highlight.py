@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.calibration.circle import Circle, SphereError
-from photonormal.calibration.reflections import RIVAL, Disc, Highlight, Reflections
+from photonormal.calibration.reflections import Disc, Highlight, Reflections
 
 COLOURED = 0.3  # brightest value of a channel, as part of another's, below which the lamp does not light it
 ENOUGH_PX = 200  # radius of a sphere in pixels beyond which pictures are made smaller
@@ -88,7 +88,7 @@ def _scale(seen: Sequence[Reflections], circle: Circle) -> int:
 
 def is_a_mirror_s(highlight: Highlight | None, circle: Circle) -> bool:
     """Whether there is one small reflection, as a mirror has it: a matt sphere makes broad ones, a rough thing many."""
-    return highlight is not None and _stands_out(highlight, circle) and highlight.rival < RIVAL
+    return highlight is not None and _stands_out(highlight, circle) and not highlight.rivals
 
 
 def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], circle: Circle, where: str) -> None:

@@ -35,8 +35,8 @@ def drawn(
         for j, h in enumerate(sphere.highlights):
             if h is None:
                 continue
-            for x, y in h.rivals:
-                cv2.circle(picture, at(x, y), 16 * 6, RIVALS, 1, cv2.LINE_AA, 4)
+            for other in h.rivals:
+                cv2.circle(picture, at(other.x, other.y), 16 * 6, RIVALS, 1, cv2.LINE_AA, 4)
             cv2.drawMarker(picture, _whole(at(h.x, h.y)), CENTRE, cv2.MARKER_TILTED_CROSS, 8, 1)
             x, y = _whole(at(h.x, h.y))
             cv2.putText(picture, str(j + 1), (x + 6, y - 4), cv2.FONT_HERSHEY_SIMPLEX, 0.4, CENTRE, 1, cv2.LINE_AA)

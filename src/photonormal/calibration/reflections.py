@@ -27,7 +27,7 @@ ROUNDS, SETTLED = 8, 0.005  # of least squares, and pixels that are no more than
 DARK = 0.1  # level below which all are as sure
 NARROWEST, MOVES = 0.5, 1.5  # standard deviation in pixels, and how far it moves, in those it began with
 FLOOR = 0.05  # of the peak, below which a pixel's logarithm tells nothing
-RIVAL = 0.5  # flux of a second reflection, as part of the first's, above which the choice is doubtful
+OTHER, RIVAL = 0.2, 0.5  # how far another one stands out, as part of the farthest, to be looked at; and to be doubted
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Highlight:
     peak : how far its brightest smoothed value stands out, in full scale
     flux : what stands out, in full scale times pixels
     saturated : its peak is the largest value that the pictures can hold
-    rival : flux of the second largest reflection as part of this one's
-    rivals : centroids of the other reflections that are at least RIVAL as strong
+    height : how far it stands out at the scale of the lights' reflections
+    others : what stands out next in this picture, at least OTHER as far; the farthest first
     """
 
     x: float
@@ -51,21 +51,23 @@ class Highlight:
     peak: float
     flux: float
     saturated: bool
-    rival: float = 0.0
-    rivals: tuple[tuple[float, float], ...] = ()
+    height: float = 0.0
+    others: tuple[Highlight, ...] = ()
+
+    @property
+    def rivals(self) -> tuple[Highlight, ...]:
+        """The others that stand out nearly as far."""
+        return tuple(h for h in self.others if h.height >= RIVAL * self.height)
 
     def moved(self, x: float, y: float) -> Highlight:
         """The same, seen in a frame that begins `x` and `y` pixels further to the upper left."""
-        rivals = tuple((a + x, b + y) for a, b in self.rivals)
-        return replace(self, x=self.x + x, y=self.y + y, rivals=rivals)
+        return replace(self, x=self.x + x, y=self.y + y, others=tuple(h.moved(x, y) for h in self.others))
 
     def enlarged(self, factor: float) -> Highlight:
         """The same in a picture that is larger by `factor`."""
-        (x, y), *rivals = (
-            ((a + 0.5) * factor - 0.5, (b + 0.5) * factor - 0.5) for a, b in ((self.x, self.y), *self.rivals)
-        )
+        x, y = ((a + 0.5) * factor - 0.5 for a in (self.x, self.y))
         area, flux = round(self.area_px * factor**2), self.flux * factor**2
-        return replace(self, x=x, y=y, area_px=area, flux=flux, rivals=tuple(rivals))
+        return replace(self, x=x, y=y, area_px=area, flux=flux, others=tuple(h.enlarged(factor) for h in self.others))
 
 
 @dataclass(frozen=True)
@@ -177,12 +179,10 @@ class Reflections:
         tops = self.tops(k)
         if not tops:
             return None
-        (height, top), *others = tops
-        rivals = [self._spot(k, place) for h, place in others if h >= RIVAL * height]
-        rival = others[0][0] / height if others else 0.0
-        return replace(self._spot(k, top), rival=rival, rivals=tuple((s.x, s.y) for s in rivals))
+        first, *others = (self._spot(k, *top) for top in tops if top[0] >= OTHER * tops[0][0])
+        return replace(first, others=tuple(others))
 
-    def _spot(self, k: int, top: int) -> Highlight:
+    def _spot(self, k: int, height: float, top: int) -> Highlight:
         """The reflection there: what exceeds half of the height to which it stands out at scale k.
 
         Its place is the middle of that; of a saturated one the middle of its core, as glare is no lamp.
@@ -200,7 +200,7 @@ class Reflections:
             x, y = _middle(light if light[part].max() > 0 else proud, part)
             if area <= SMALL_PX and self.static.any():
                 x, y = self._in_its_surroundings(x, y, max(1.0, float(np.sqrt(area / np.pi)) / HALF_WAY))
-        return Highlight(x, y, area, peak, area * peak, saturated)
+        return Highlight(x, y, area, peak, area * peak, saturated, height)
 
 
 def _least_squares(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from photonormal.calibration.choice import AS_WELL, CONFIDENCE, MIRRORS, Found, 
 from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
 from photonormal.calibration.outline import outlines, refined, resized
+from photonormal.calibration.reflections import TOPS
 from photonormal.calibration.rim import LINEAR, faded
 from photonormal.calibration.shadow import Surroundings
 from photonormal.calibration.survey import WORKING_SIZE, Photograph, Survey, root
@@ -45,7 +47,7 @@ def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Se
     Raises
     ------
     SphereError
-        If fewer than `count` were found, or one is cut by the border.
+        If fewer than `count` were found, or one is largely cut off by the border.
     """
     survey = Survey.of(read, n, extra)
     looked = _looked_at(survey, read, n, extra)
@@ -58,7 +60,7 @@ def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Se
     balls = [f for f in balls if f.circle.confidence >= CONFIDENCE or f.supported]
     if any(f.shades for f in balls):
         balls = [f for f in balls if f.shades]
-    balls.sort(key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]))
+    balls.sort(key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]) / f.width)  # the finer it mirrors, the better
     chosen, others = balls[:count], balls[count:]
     if len(chosen) < count:
         raise _refusal(looked, len(chosen), count, where, survey.shape)
@@ -120,12 +122,16 @@ def _in_place(
     light, none = around.still**LINEAR, np.full((len(dark), 2), np.nan)
 
     def seen(c: Circle) -> Found:
-        xy, mirrored = _mirrored(c, dark)
-        found = Found(c, xy, mirrored, shadows=around.explained(c, xy))
+        xy, others, mirrored, width = _mirrored(c, dark)
+        found = Found(c, xy, mirrored, width, shadows=around.explained(c, xy))
+        if found.shadows > BEGIN and np.isfinite(others).any():
+            xy, _ = around.chosen(c, xy, others)
+            xy, clear = around.chosen(c, xy, others)  # on the table that these tell
+            found = replace(found, xy=xy, told=tuple(np.flatnonzero(clear)), shadows=around.explained(c, xy))
         return replace(found, astray=_astray(around.of_each(c, xy))) if found.shades else found
 
     def of_edges(c: Circle) -> Found:
-        return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else Found(c, none, 0.0)
+        return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else Found(c, none, 0.0, 1.0)
 
     found = [of_edges(c) for c in outlines([around.still], OUTLINES, pixel)]
     begin = found
@@ -136,7 +142,7 @@ def _in_place(
     if best is not None and best.shadows > BEGIN:
         c = best.circle
         for _ in range(ROUNDS):
-            c = around.fitted(c, _mirrored(c, dark)[0])
+            c = around.fitted(c, _mirrored(c, dark).xy)
         found += [of_edges(refined(p, np.array([c.x, c.y, c.r]), pixel)) for p in ([around.still], roots)]
         cast = seen(c)
         sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
@@ -150,16 +156,38 @@ def _astray(each: np.ndarray) -> tuple[int, ...]:
     return tuple(np.flatnonzero(each < middle - max(ASTRAY[0] * (1 - middle), ASTRAY[1])).tolist())
 
 
-def _mirrored(circle: Circle, dark: np.ndarray) -> tuple[np.ndarray, float]:
-    """Highlights (n, 2) inside a circle, NaN where there are none, and the part of the pictures that mirror."""
+class Mirrored(NamedTuple):
+    """What is mirrored inside a circle in `n` pictures.
+
+    Parameters
+    ----------
+    xy : (n, 2) highlights, NaN where there are none
+    others : (k, n, 2) what stands out next, likewise
+    part : of the pictures, that mirror
+    width : radius of the highlights as a rule, in radii of the circle
+    """
+
+    xy: np.ndarray
+    others: np.ndarray
+    part: float
+    width: float
+
+
+def _mirrored(circle: Circle, dark: np.ndarray) -> Mirrored:
+    """Highlights inside a circle."""
     a, b = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
     part = dark[:, b : int(circle.y + circle.r) + 2, a : int(circle.x + circle.r) + 2]
     within = Circle(circle.x - a, circle.y - b, circle.r)
     highlights = looked_for(part, within, ENOUGH_PX) if part.size else [None] * len(dark)
-    xy = np.array([(h.x + a, h.y + b) if h else (np.nan, np.nan) for h in highlights])
+    xy = np.full((TOPS, len(dark), 2), np.nan)
+    for j, h in enumerate(highlights):
+        for k, spot in enumerate((h, *h.others) if h else ()):
+            xy[k, j] = spot.x + a, spot.y + b
     mirrored = float(np.mean([is_a_mirror_s(h, within) for h in highlights]))
-    moves = mirrored > 0 and np.linalg.norm(np.nanstd(xy, axis=0)) >= SPREAD * circle.r
-    return xy, mirrored if moves else 0.0
+    areas = [h.area_px for h in highlights if h]
+    width = float(np.sqrt(np.median(areas) / np.pi)) / circle.r if areas else 1.0
+    moves = mirrored > 0 and np.linalg.norm(np.nanstd(xy[0], axis=0)) >= SPREAD * circle.r
+    return Mirrored(xy[0], xy[1:], mirrored if moves else 0.0, width)
 
 
 def _refusal(looked: list[Found], found: int, count: int, where: str, shape: tuple[int, int]) -> SphereError:

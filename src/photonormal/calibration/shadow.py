@@ -29,6 +29,7 @@ WRONG = 0.1  # part of the pictures whose highlight may be another thing's
 SHADED = 0.5  # part of the light that is missing from which a place is in shadow
 SEEN = 0.01  # part of the places in shadow from which a picture's shadow tells something
 NEAREST = 0.12  # a sphere's radius as a part of the lamps' distance, at most
+CLEARLY = 0.2  # by how much the shadow of one reflection has to be explained better than another's
 FEW = 4  # pictures below which a place's middle brightness may be in shadow
 
 
@@ -82,13 +83,36 @@ class Surroundings:
         """
         return self._compared(circle, xy)[0]
 
-    def of_each(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-        """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow."""
+    def of_each(
+        self, circle: Circle, xy: Float[np.ndarray, "n 2"], instead: Float[np.ndarray, "n 2"] | None = None
+    ) -> Float[np.ndarray, " n"]:
+        """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow.
+
+        Parameters
+        ----------
+        instead : reflections whose shadows are compared, on the table that `xy` tell
+        """
         found = np.full(len(xy), np.nan)
-        _, dark, S = self._compared(circle, xy)
+        _, dark, S = self._compared(circle, xy, instead)
         if len(S):
             found[np.isfinite(xy).all(1)] = np.where(S.mean(1) > SEEN, _correlation(dark, S), np.nan)
         return found
+
+    def chosen(
+        self, circle: Circle, xy: Float[np.ndarray, "n 2"], others: Float[np.ndarray, "k n 2"]
+    ) -> tuple[Float[np.ndarray, "n 2"], Bool[np.ndarray, " n"]]:
+        """Of several reflections in a picture the one whose shadow it shows; and where that is clear of all of them.
+
+        Parameters
+        ----------
+        xy : the reflections that stand out farthest, which stay where their shadows tell nothing
+        others : further ones, NaN where there are none
+        """
+        of = np.nan_to_num([self.of_each(circle, xy, reflections) for reflections in (xy, *others)])  # (1 + k, n)
+        best = np.where(of.max(0) > of[0] + CLEARLY, of.argmax(0), 0)
+        picture = np.arange(len(xy))
+        clear = (of > of[best, picture] - CLEARLY).sum(0) == 1
+        return np.stack([xy, *others])[best, picture], clear
 
     def fitted(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Circle:
         """The circle close to another one that explains the shadows best."""
@@ -102,7 +126,9 @@ class Surroundings:
         how = {"initial_simplex": simplex, "maxfev": 120, "xatol": 0.003, "fatol": 1e-4}
         return of(minimize(lambda p: -self.explained(of(p), xy), np.zeros(3), method="Nelder-Mead", options=how).x)
 
-    def _compared(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> tuple[float, np.ndarray, np.ndarray]:
+    def _compared(
+        self, circle: Circle, xy: Float[np.ndarray, "n 2"], instead: Float[np.ndarray, "n 2"] | None = None
+    ) -> tuple[float, np.ndarray, np.ndarray]:
         """Correlation of what is dark with the sphere's shadows, and both, around it (m, p), in the m pictures with a
         highlight: levels are taken for linear or encoded, whichever explains more."""
         shown = np.isfinite(xy).all(1)
@@ -117,8 +143,11 @@ class Surroundings:
             near = _near(circle, L, T, gamma / lamps * bright[:, 1:])
             S = shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)  # L is from where it is mirrored
             left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
-            found.append((float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel()))), S))
-        most, S = max(found, key=lambda f: f[0])
+            found.append((float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel()))), S, T, near))
+        most, S, T, near = max(found, key=lambda f: f[0])
+        if instead is not None:
+            L, N = directions(circle, instead[shown])
+            S = shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)
         return most, dark, S
 
     def _around(self, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

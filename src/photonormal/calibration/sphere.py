@@ -15,7 +15,6 @@ from photonormal.calibration.mirror import directions
 from photonormal.calibration.reflections import Highlight
 from photonormal.calibration.search import find_spheres
 from photonormal.calibration.survey import Photograph
-from photonormal.types import InputError
 
 SAME = (0.1, 1.5)  # distance, in radii and in pixels, within which two highlights are one
 FEW_PX = 15.0  # radius in pixels below which lights of rendered spheres were off by 2 degrees and more now and then
@@ -111,10 +110,11 @@ class Sphere:
                 f"{len(names)} pictures ({', '.join(doubtful[:3])}{', ...' * (len(doubtful) > 3)}), and the strongest "
                 "was taken; look at the picture, switch other lamps off, or leave pictures out with --skip."
             )
-        try:
-            self.circle.check_inside(self.shape, self.where)
-        except InputError as error:  # only a circle that was given gets here
-            found.append(f"{error} A given circle's y counts from the upper edge.")
+        if self.circle.cut(self.shape):
+            found.append(
+                f"{self.circle.cut_off(self.shape, self.where)}; look at the picture, and photograph the sphere whole "
+                "where the circle is off. A given circle's y counts from the upper edge."
+            )
         return found
 
 
@@ -136,7 +136,7 @@ def look_at_spheres(
     Raises
     ------
     SphereError
-        If a sphere is not found or cut by the border, or several photographs show no highlight on it.
+        If a sphere is not found or largely cut off by the border, or several photographs show no highlight on it.
     """
     camera = camera or Projection()
     if circles:
@@ -148,7 +148,8 @@ def look_at_spheres(
                 )
     elif mask is not None and spheres == 1:
         circles = [from_mask(mask, where)]
-    found = [Found(c, np.empty((0, 2)), 1.0) for c in circles] or find_spheres(read, len(names), where, spheres, extra)
+    found = [Found(c, np.empty((0, 2)), 1.0, 0.0) for c in circles]
+    found = found or find_spheres(read, len(names), where, spheres, extra)
     return [_one(read, shape, names, where, f, camera) for f in found]
 
 
@@ -162,11 +163,23 @@ def _one(
     highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
     check_highlights(highlights, names, circle, where)
     moved = [h and h.moved(x0, y0) for h in highlights]
-    astray = tuple(j for j, h in enumerate(moved) if h and _elsewhere(found, j, h)) if found.shades else ()
+    astray = ()
+    if found.shades:
+        moved = [h and _as_told(found, j, h) for j, h in enumerate(moved)]
+        astray = tuple(j for j, h in enumerate(moved) if h and _elsewhere(found, j, h))
     moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
     L, points = directions(circle, xy, camera.focal_px, camera.axis(shape))
     return Sphere(where, circle, found.rival, tuple(moved), L, points, (shape[0], shape[1]), found.notes, astray)
+
+
+def _as_told(found: Found, j: int, highlight: Highlight) -> Highlight:
+    """Of what stands out in picture j that which explains its shadow; where that is clear, without rivals."""
+    x, y = found.xy[j]
+    best = min((highlight, *highlight.others), key=lambda h: float(np.nan_to_num(np.hypot(h.x - x, h.y - y))))
+    if j in found.told:
+        return replace(best, others=())
+    return highlight if best is highlight else replace(best, others=(highlight,))
 
 
 def _elsewhere(found: Found, j: int, highlight: Highlight) -> bool:

@@ -13,7 +13,7 @@ import numpy as np
 from photonormal.capture import UNKNOWN
 from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.cropped import cropped
-from photonormal.capture.encoding import doubtful, encodings, told
+from photonormal.capture.encoding import JPEG, doubtful, encodings, told
 from photonormal.capture.exif import exposures
 from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, size_of
 from photonormal.capture.lens import Lens, read_lens
@@ -159,6 +159,7 @@ def assemble(
         notes=tuple(notes),
         encoding=told(samples.encodings),
         linearised=any(encoding.curves for encoding in samples.encodings),
+        likely_encoded=JPEG in samples.encodings,
     )
     return capture if crop is None else cropped(capture, images, crop)
 

@@ -67,7 +67,7 @@ def _table(curve: Curve, levels: int) -> np.ndarray:
 
 
 LINEAR = Encoding(declared=False)
-JPEG = Encoding(declared=False)
+JPEG = Encoding(by="nothing in these JPEG files says otherwise", declared=False)
 UNREAD = Encoding(by="their profile has no tone curves and was not applied", declared=False)
 
 

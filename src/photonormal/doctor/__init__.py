@@ -43,7 +43,8 @@ def check(capture: Capture) -> list[Finding]:
         lost = (given.levels > 0).any(axis=0) > (given.seen() > 0).any(axis=0)  # by lamps that shine elsewhere
         if not lost.any():
             cut = any(f.grave for f in white)  # samples that are white look as if other light was on
-            other = [] if cut else explanations.explanation(given, mask, s.bits, capture.linearised)
+            linearised, encoded = capture.linearised, capture.likely_encoded
+            other = [] if cut else explanations.explanation(given, mask, s.bits, linearised, encoded)
             if other and other[0].lights is not None:
                 given = Distant(I, other[0].lights)
             if other and other[0].kind == "encoding":

@@ -25,6 +25,7 @@ LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of
 BY_FACTORS = 1.05  # misfit with twice the angles, as part of that with a factor for each light
 CORRECTED = 0.25  # misfit with twice the angles below which they are written
 OFFSET, ENCODED = 0.7, 0.7  # misfit with light that stays on, and of linearised samples
+WELL = 0.2  # what light that stays on may leave where pictures are likely encoded
 EXPLAINED = 0.12  # misfit that light which stays on may leave: else neither explains the pictures
 AS_MATT, PLAINLY = 0.008, 0.4  # misfit that no material keeps below, and what is left of it where light stays on
 AGAIN, TAKEN = 0.45, -0.12  # misfit with the curve taken back, and what it took away, as part of full brightness
@@ -40,17 +41,20 @@ DROWNED = 3.0  # light that stays on, as part of full brightness, in which the l
 GRAVE = 0.12  # light that stays on, above which it spoils the normals
 
 
-def explanation(given: Given, mask: Bool[np.ndarray, "h w"], bits: int | None, linearised: bool) -> list[Finding]:
+def explanation(
+    given: Given, mask: Bool[np.ndarray, "h w"], bits: int | None, linearised: bool, encoded: bool = False
+) -> list[Finding]:
     """The explanation that leaves least of the misfit; none where none leaves clearly less in all of the object.
 
-    `bits` of the samples, None for floats; `linearised` where they were encoded, by their files' word or the user's.
+    `bits` of the samples, None for floats; `linearised` where they were encoded, by their files' word or the user's;
+    `encoded` where they were taken for linear but seldom are.
     """
     L = given.directions()
     pixels = Pixels.of(given.seen(), mask)
     if pixels is None:
         return _hardly_differ(given.levels, L)
     b, before = pixels.fit(L)
-    tried = [_staying_on(pixels, L, before, None if linearised else bits)]
+    tried = [_staying_on(pixels, L, before, None if linearised else bits, encoded)]
     if linearised:
         tried.append(_linear_before(pixels, L, before))
     if not isinstance(given, Near):
@@ -78,8 +82,13 @@ def _hardly_differ(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> 
     return [Finding("contrast", differ < SAME, message, {"differ": round(differ, 4), "darkest": round(darkest, 4)})]
 
 
-def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | None) -> tuple[float, Finding] | None:
-    """I = b.l + c with c above zero in most pixels: other light, or a picture whose encoding lifts the dark."""
+def _staying_on(
+    pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | None, encoded: bool
+) -> tuple[float, Finding] | None:
+    """I = b.l + c with c above zero in most pixels: other light, or a picture whose encoding lifts the dark.
+
+    Where pictures are likely `encoded`, other light has to explain them well, or be there once they are linearised.
+    """
     b, after = pixels.fit(np.concatenate([L, np.ones((len(L), 1))], axis=1))
     size = np.linalg.norm(b[:, :3], axis=1).clip(1e-9)
     lifted, on = b[:, 3] / size, np.minimum(b[:, 3], pixels.I.min(1)) / size  # what stays on is on in shadows, too
@@ -103,6 +112,15 @@ def _staying_on(pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | N
             return linear.left / STEEPER, Finding("encoding", True, message, numbers, options=options)
     if not ambient:
         return None
+    if encoded and offset.left > WELL:
+        linear = pixels.showing(to_linear(pixels.I))
+        if _staying_on(linear, L, linear.fit(L)[1], None, False) is None:
+            message = (
+                "the pictures look sRGB-encoded, as JPEG files that don't say how they are encoded mostly are: "
+                "linearised they show no light that stays on, and without that they do; add --srgb."
+            )
+            numbers = {"misfit_left": round(offset.left, 4)}
+            return offset.left, Finding("encoding", True, message, numbers, options={"srgb": True, "linear": False})
     level = float(np.median(on))
     there = f"{100 * level:.0f} % of full brightness is there whichever lamp is lit"
     if level > DROWNED:

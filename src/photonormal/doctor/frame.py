@@ -148,11 +148,15 @@ def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
 
 
 def _half_turned(surface: Surface, frame: Frame, numbers: dict[str, Any]) -> bool | None:
-    """Whether half a turn is missing; None where neither shadows nor an outline tell, or they disagree."""
-    M = frame.matrix()
-    votes = [surface.shadows.vote(M)]
-    if surface.outline is not None:
-        votes.append(surface.outline.vote(M))
+    """Whether half a turn is missing; None where neither shadows nor an outline tell, or they disagree.
+
+    Where each by itself says too little, both together may tell.
+    """
+    M, outline = frame.matrix(), surface.outline
+    votes = [surface.shadows.vote(M), 0.0 if outline is None else outline.vote(M)]
+    if not any(votes) and outline is not None:
+        votes = [surface.shadows.leaning(M), outline.leaning(M)]
+        votes = votes if all(votes) else [0.0, 0.0]
     told = {v > 0 for v in votes if v}
     numbers |= {"half_turn": [round(v, 3) for v in votes]}
     return told.pop() is False if len(told) == 1 else None

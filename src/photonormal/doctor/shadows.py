@@ -18,7 +18,8 @@ FAR = 8  # pixels that are looked along
 LOW = 0.25  # sine of a light's angle to the view at least: others cast no shadow to speak of
 PART = 12  # pixels along the side of the parts that have to agree
 PARTS = 8  # of them, at least
-CLEAR, CERTAIN = 0.35, 5.0  # mean vote of the parts, and in standard errors
+CLEAR, CERTAIN = 0.35, 5.0  # mean vote of the samples or of the parts, and of these in standard errors
+LEANS, FEWER = (0.1, 3.0), 4  # the same, and parts, where an outline has to say so, too
 
 
 @dataclass(frozen=True)
@@ -57,6 +58,13 @@ class CastShadows:
 
         0 where too few say so.
         """
+        return self._mean(M, CLEAR, CERTAIN, PARTS)
+
+    def leaning(self, M: Float[np.ndarray, "3 3"]) -> float:
+        """The same from less: what something else has to confirm."""
+        return self._mean(M, *LEANS, FEWER)
+
+    def _mean(self, M: Float[np.ndarray, "3 3"], clear: float, certain: float, parts: int) -> float:
         if not len(self.at):
             return 0.0
         j, row, column = self.at.T
@@ -75,5 +83,6 @@ class CastShadows:
         part = np.unique((row // PART) * 1000 + column // PART, return_inverse=True)[1]
         of_part = np.bincount(part, votes) / np.bincount(part)
         error = of_part.std() / np.sqrt(len(of_part)) + 1e-3
-        clear = len(of_part) >= PARTS and abs(votes.mean()) > CLEAR and abs(of_part.mean()) > CERTAIN * error
-        return float(votes.mean()) if clear and votes.mean() * of_part.mean() > 0 else 0.0
+        all_votes, mean = float(votes.mean()), float(of_part.mean())
+        told = len(of_part) >= parts and abs(mean) > certain * error and max(abs(mean), abs(all_votes)) > clear
+        return mean if told and mean * all_votes > 0 else 0.0

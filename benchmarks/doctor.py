@@ -25,9 +25,10 @@ from typing import Any
 import numpy as np
 import torch
 
-from photonormal.doctor import check, samples
+from photonormal.doctor import samples
 from photonormal.doctor.frame import Frame, Surface
 from photonormal.doctor.misfit import Pixels
+from photonormal.examination import check
 from photonormal.geometry import angle_deg, normalised
 from photonormal.synth import recipe
 from photonormal.synth.lights import draw_lights
@@ -248,6 +249,13 @@ def with_pictures(change: Callable[[np.ndarray, np.random.Generator], np.ndarray
     return changed
 
 
+def shaken(L: np.ndarray, g: np.random.Generator) -> np.ndarray:
+    """Each light beside itself, by 5 degrees in the mean."""
+    aside = g.standard_normal(L.shape)
+    aside -= (aside * L).sum(1, keepdims=True) * L
+    return normalised(L + np.radians(5) / np.sqrt(np.pi / 2) * aside)
+
+
 def one_moved(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     """One picture by 3 to 6 pixels."""
     a, r, j = g.uniform(0, 2 * np.pi), g.uniform(3, 6), int(g.integers(len(I)))
@@ -312,6 +320,7 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
     "lamps at 2 widths": (None, {"near"}),
     "a third moved": (with_pictures(third_moved), {"motion"}),
     "half turned by a quarter": (with_pictures(half_quarter_turned), {"turned"}),
+    "each light off by 5 degrees": (with_lights(shaken), {"lights"}),
 }
 JUDGED = {
     "order",
@@ -325,6 +334,7 @@ JUDGED = {
     "motion",
     "turned",
     "positions",
+    "lights",
 }
 
 

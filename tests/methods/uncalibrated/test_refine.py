@@ -15,7 +15,7 @@ from photonormal.methods.uncalibrated import reduced as small_square
 from photonormal.methods.uncalibrated.frame import Believed, curl, settled
 from photonormal.methods.uncalibrated.limits import spread_deg
 from photonormal.methods.uncalibrated.reduced import AROUND, reduced
-from photonormal.methods.uncalibrated.refine import UNTOLD, refined
+from photonormal.methods.uncalibrated.refine import UNTOLD, mended, refined
 from photonormal.methods.uncalibrated.untold import FLAT
 from photonormal.scoring.lights import score_lights
 from photonormal.types import Camera, Capture, Lamps, Normals
@@ -197,3 +197,24 @@ def test_where_shading_agrees_with_no_lights_it_is_said(true):
     noise = np.random.default_rng(0).uniform(0, 1, np.asarray(true.images).shape).astype(np.float32)
     found = refined(replace(true, images=noise * true.mask[..., None]))
     assert found.notes == (UNTOLD,) and not found.moved_deg.any()
+
+
+def low_waves(size: int) -> Normals:
+    """A relief of waves in all directions, tilted by some degrees."""
+    g = np.random.default_rng(3)
+    y, x = np.mgrid[:size, :size] * (2 * np.pi / size)
+    p, q = np.zeros((2, size, size))
+    for k in range(1, 12):
+        a, phase = g.uniform(0, 2 * np.pi, 2)
+        slope = 0.3 / np.sqrt(12) * np.cos(k * (np.cos(a) * x + np.sin(a) * y) + phase)
+        p, q = p + np.cos(a) * slope, q + np.sin(a) * slope
+    return Normals(normalised(np.stack([-p, q, np.ones_like(p)], axis=-1)).astype(np.float32))
+
+
+def test_right_lights_of_a_low_relief_with_a_broad_sheen_are_not_doubted():
+    """A sheen bends the shading, as other lights would, which would then be unlike each other in intensity."""
+    relief, L = low_waves(48), scattered(24)
+    matt, shine = relief.map @ L.T, (relief.map @ normalised(L + np.array([0, 0, 1])).T).clip(0) ** 12
+    for strength in (0.1, 0.15, 0.2):
+        sheen = 0.4 * matt.clip(0) + strength * shine * (matt > 0)
+        assert mended(Capture(np.moveaxis(sheen, -1, 0).astype(np.float32), relief.mask, L)) is None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -18,27 +20,43 @@ from photonormal.progress import progress
 from photonormal.types import Capture
 
 TURNED = 0.2  # standard deviation of a turn of all given lights about the view axis, radians
-MOVED_DEG = 1.5  # mean, from which on given lights are doubted
 UNEVEN = 0.05  # unevenness of lights that were divided by their intensities, from which on they may be halfway vectors
-CONTRADICTING = 0.2  # and from which on shading agrees with no lights
 EVENER = 0.7  # and are, where twice the angles leave less than this of it
 HALFWAY = (
     "the given lights were halfway to the right ones; their angles to the camera's axis were doubled, then mended."
 )
 ALRIGHT = "the photographs speak for no other lights than the given ones, which are kept."
 UNTOLD = "shading agrees with no lights, as on metal, and can't tell whether the given ones are right, which are kept."
-BETTER = 0.98  # of the misfit under the given lights: mended ones that leave more are not taken,
-LESS_CURL = 6.0  # unless they leave so much less of the normals' curl: a turn of all lights changes no misfit
+LESS_CURL = 6.0  # of the normals, by which mended lights are taken, too: a turn of all lights changes no misfit
 
 
-def refined(capture: Capture, least_deg: float = 0.0) -> FoundLights:
+@dataclass(frozen=True)
+class Proof:
+    """What must be true of mended lights before the given ones are given up.
+
+    Parameters
+    ----------
+    uneven : unevenness below it; above, shading agrees with no lights, as on metal or under a broad sheen
+    misfit : at most this part of the misfit under the given lights is left
+    moved_deg : they move by as much in the mean; those that move by less are not looked at further
+    """
+
+    uneven: float
+    misfit: float
+    moved_deg: float
+
+
+ASKED = Proof(0.2, 0.98, 0.0)
+UNASKED = Proof(0.08, 0.6, 1.5)  # a broad sheen on a flat relief moves right lights by 2 to 4 degrees, unevenly
+
+
+def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
     """The capture's own distant lights, mended: each is turned to where the photographs speak for.
 
     Their errors are to be each light's own: what all have in common is told where the normals' curl tells it, and is
     believed else. Intensities stay as they are, so lights that are found have one length; where they haven't, and
     have it nearly when they start at twice the angle to the camera's axis, the given ones were halfway to the right
-    ones: a mirror sphere's normals in place of the reflections there. Lights that would move by less than `least_deg`
-    in the mean are kept, without a look at whether the moved ones explain more.
+    ones: a mirror sphere's normals in place of the reflections there. Lights are kept where there is no `proof`.
 
     Raises
     ------
@@ -58,11 +76,11 @@ def refined(capture: Capture, least_deg: float = 0.0) -> FoundLights:
                 s, N, moved_deg = other
         found = torch.nn.functional.normalize(s.double(), dim=1).numpy()
         off_deg = angle_deg(found, capture.known_lights())
-        told = moved_deg < SETTLED_DEG and unevenness(s) < CONTRADICTING
+        told = moved_deg < SETTLED_DEG and unevenness(s) < proof.uneven
         better = False
-        if told and off_deg.mean() >= least_deg:
+        if told and off_deg.mean() >= proof.moved_deg:
             N_given = normals_under(shown, L)
-            better = misfit(shown, N, s) < BETTER * misfit(shown, N_given, L)
+            better = misfit(shown, N, s) < proof.misfit * misfit(shown, N_given, L)
             better = better or bent(shown, N) < bent(shown, N_given) - LESS_CURL
     if not better:
         note = ALRIGHT if told else UNTOLD
@@ -92,12 +110,12 @@ def unevenness(s: Float[Tensor, "n 3"]) -> float:
 
 
 def mended(capture: Capture) -> FoundLights | None:
-    """The capture's lights as `refined` has them, where that moves them by more than right lights move; else None.
+    """The capture's lights as `refined` has them, where the photographs prove that it must move them; else None.
 
     Right lights of real objects move by 0.2 to 0.5 degrees in the mean, ones that are 2 degrees off by 2.
     """
     if capture.lights is None or capture.lamps is not None or capture.images.shape[0] < LEAST:
         return None
-    found = refined(capture, MOVED_DEG)
+    found = refined(capture, UNASKED)
     assert found.moved_deg is not None
-    return found if found.moved_deg.mean() > MOVED_DEG else None
+    return found if found.moved_deg.any() else None

@@ -141,7 +141,7 @@ NO_PRIOR = replace(_paper(prior=""), priors=())
 CPU = replace(
     PAPER,
     config={"width": 32, "exchange": False},
-    images=(12, 36),
+    images=(4, 36),
     batch=16,
     steps=100_000,
     lr=5e-4,
@@ -150,14 +150,14 @@ CPU = replace(
     ema=0.999,
     loss="chord",
     turns=True,
-    reuse=2,
+    reuse=4,
     ring=64,
-    validate=1500,
+    validate=3000,
 )  # half of the paper network's width; at a rate of 0.02 Muon soon stands still here
 
 # the networks of the paper's tables, each from the same scenes for the same minutes of a core, few images as often
 # as many; examined at their end
-COMPARED = replace(CPU, images=(4, 36), priors=(), reuse=4, validate=100_000)
+COMPARED = replace(CPU, priors=(), validate=100_000)
 
 # our own networks: Muon from the start, at a flat rate, so that a training can be made longer
 OURS = Recipe(batch=32, lr=1e-3, schedule="flat", warmup=100, muon=0.02, clip=1.0, turns=True)
@@ -311,7 +311,6 @@ RECIPES = {
         priors=(),
         images=(6, 24),
         batch=8,
-        reuse=4,
         warmup=200,
         **UNDER_TOLD,
     ),  # on top of psfcn's weights (--start-from)

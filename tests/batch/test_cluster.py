@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import photonormal as pn
-from photonormal import progress, types
+from photonormal import progress, resources
 from photonormal.batch import cluster
 from photonormal.batch.captures import jobs
 from photonormal.batch.state import state_of
@@ -69,7 +69,7 @@ def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeyp
     monkeypatch.setattr(parts, "STEP", 16)
     monkeypatch.setattr(parts, "LEAST", 16)
     monkeypatch.setattr(progress, "_told", None)
-    monkeypatch.setattr(types, "_share", None)
+    monkeypatch.setattr(resources, "_share", None)
     solved, threads = [], []
     monkeypatch.setattr(cluster, "use_threads", threads.append)
     monkeypatch.setattr(cluster, "_own_threads", lambda: 1)

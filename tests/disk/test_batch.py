@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from photonormal.disk import PARTIAL, at_once, in_use, recover, refuse_taken, write
+from photonormal.disk import PARTIAL, InUse, at_once, in_use, recover, refuse_taken, write
 from photonormal.types import InputError
 
 OLD = {"a.txt": "old a", "deep/b.txt": "old b", "gone.txt": "old"}
@@ -233,7 +233,11 @@ def test_a_second_process_is_refused_or_waits(tmp_path):
     with at_once(tmp_path) as batch:
         batch.write("a.txt", b"ours")
         done = subprocess.run([sys.executable, "-c", code, tmp_path, "0"], capture_output=True, text=True)
-        assert "InputError" in done.stderr and "is being written by another photonormal" in done.stderr
+        assert (
+            "InUse" in done.stderr
+            and issubclass(InUse, InputError)
+            and "is being written by another photonormal" in done.stderr
+        )
         waits = subprocess.Popen([sys.executable, "-c", code, tmp_path, "60"])
     assert waits.wait() == 0
     assert content(tmp_path) == {"a.txt": "ours", "b.txt": "theirs"}

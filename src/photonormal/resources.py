@@ -83,15 +83,15 @@ def cores() -> int:
     return _share or (len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1)
 
 
+def take_share(threads: int) -> None:
+    """From now on this process uses so many processors: others work beside it."""
+    global _share
+    _share = threads
+
+
 def in_threads(f: Callable[[S], T], items: Iterable[S], threads: int) -> list[T]:
     """``f`` of every item, in order, by so many threads: by this one where that is one."""
     if threads == 1:
         return [f(item) for item in items]
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(f, items))
-
-
-def take_share(threads: int) -> None:
-    """From now on this process uses so many processors: others work beside it."""
-    global _share
-    _share = threads

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
@@ -15,7 +14,7 @@ import msgspec
 from photonormal.bench.store import AGAIN, SCORES, Prediction, configs, predictions, read_truth, truth_path
 from photonormal.disk import write
 from photonormal.options import Count, NotNegative
-from photonormal.resources import cores
+from photonormal.resources import cores, in_threads
 from photonormal.scoring import score
 from photonormal.stored import read_json
 from photonormal.types import InputError
@@ -65,8 +64,7 @@ def scored(runs: Path, label: str, dataset: str) -> list[Scored]:
             found[key] = {"stamp": stamp, "score": truth and score(p.normals(), truth).as_dict()}
         return Scored(p, found[key]["score"])
 
-    with ThreadPoolExecutor(cores()) as pool:
-        results = list(pool.map(one, predictions(runs, label, dataset)))
+    results = in_threads(one, predictions(runs, label, dataset), cores())
     if found != before:
         with suppress(InputError):  # a folder that can't be written is read all the same
             write(folder / SCORES, msgspec.json.encode(found))

@@ -7,8 +7,10 @@ lights and another sphere, and its shadows would lie elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -81,22 +83,11 @@ class Surroundings:
         ----------
         xy : where the sphere mirrors the lamps, NaN where it does not
         """
-        return self._compared(circle, xy)[0]
+        return self._compared(circle, xy).correlation
 
-    def of_each(
-        self, circle: Circle, xy: Float[np.ndarray, "n 2"], instead: Float[np.ndarray, "n 2"] | None = None
-    ) -> Float[np.ndarray, " n"]:
-        """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow.
-
-        Parameters
-        ----------
-        instead : reflections whose shadows are compared, on the table that `xy` tell
-        """
-        found = np.full(len(xy), np.nan)
-        _, dark, S = self._compared(circle, xy, instead)
-        if len(S):
-            found[np.isfinite(xy).all(1)] = np.where(S.mean(1) > SEEN, _correlation(dark, S), np.nan)
-        return found
+    def of_each(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow."""
+        return self._compared(circle, xy).of_each(xy)
 
     def chosen(
         self, circle: Circle, xy: Float[np.ndarray, "n 2"], others: Float[np.ndarray, "k n 2"]
@@ -108,7 +99,8 @@ class Surroundings:
         xy : the reflections that stand out farthest, which stay where their shadows tell nothing
         others : further ones, NaN where there are none
         """
-        of = np.nan_to_num([self.of_each(circle, xy, reflections) for reflections in (xy, *others)])  # (1 + k, n)
+        compared = self._compared(circle, xy)  # on the table that these tell
+        of = np.nan_to_num([compared.of_each(reflections) for reflections in (xy, *others)])  # (1 + k, n)
         best = np.where(of.max(0) > of[0] + CLEARLY, of.argmax(0), 0)
         picture = np.arange(len(xy))
         clear = (of > of[best, picture] - CLEARLY).sum(0) == 1
@@ -126,29 +118,23 @@ class Surroundings:
         how = {"initial_simplex": simplex, "maxfev": 120, "xatol": 0.003, "fatol": 1e-4}
         return of(minimize(lambda p: -self.explained(of(p), xy), np.zeros(3), method="Nelder-Mead", options=how).x)
 
-    def _compared(
-        self, circle: Circle, xy: Float[np.ndarray, "n 2"], instead: Float[np.ndarray, "n 2"] | None = None
-    ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Correlation of what is dark with the sphere's shadows, and both, around it (m, p), in the m pictures with a
-        highlight: levels are taken for linear or encoded, whichever explains more."""
-        shown = np.isfinite(xy).all(1)
+    def _compared(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Compared:
+        """Levels are taken for linear or encoded, whichever explains more."""
+        shown = np.isfinite(xy.sum(1))
         x, y, dark = self._around(circle)
         if shown.sum() < FEW or x.size < PLACES / 40:
-            return 0.0, np.zeros((0, 0)), np.zeros((0, 0))
-        (L, N), dark, bright = directions(circle, xy[shown]), dark[shown], self.bright[shown]
+            return Compared(0.0, shown, np.zeros((0, 0)), lambda reflections: np.zeros((0, 0)))
+        (L, _), dark, bright = directions(circle, xy[shown]), dark[shown], self.bright[shown]
         found = []
         for gamma in GAMMAS:
             T = _table(L, np.exp(gamma * bright @ (1.0, circle.x, circle.y)))
             lamps = 1 - (1 - self.deep) ** (gamma / EDGE_POWER)  # of all light
-            near = _near(circle, L, T, gamma / lamps * bright[:, 1:])
-            S = shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)  # L is from where it is mirrored
+            cast = partial(_cast, circle, T, x, y, _near(circle, L, T, gamma / lamps * bright[:, 1:]))
+            S = cast(xy[shown])
             left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
-            found.append((float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel()))), S, T, near))
-        most, S, T, near = max(found, key=lambda f: f[0])
-        if instead is not None:
-            L, N = directions(circle, instead[shown])
-            S = shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)
-        return most, dark, S
+            correlation = float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel())))
+            found.append(Compared(correlation, shown, dark, cast))
+        return max(found, key=lambda compared: compared.correlation)
 
     def _around(self, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lit places (p,) around a circle: x, y, and what is missing (n, p)."""
@@ -161,6 +147,44 @@ class Surroundings:
         there = (away > near) & (away < far) & self.lit[y, x]
         x, y = x[there], y[there]
         return x, y, self.missing[:, y, x]
+
+
+class Compared(NamedTuple):
+    """What is dark around a sphere, and its shadows there, in the `m` of n pictures with a highlight.
+
+    Parameters
+    ----------
+    correlation : of both, over places and pictures
+    shown : (n,) which pictures these are
+    dark : (m, p) what is missing at p places
+    cast : the shadows (m, p) of the sphere under lights that it mirrors at (m, 2)
+    """
+
+    correlation: float
+    shown: Bool[np.ndarray, " n"]
+    dark: Float[np.ndarray, "m p"]
+    cast: Callable[[np.ndarray], np.ndarray]
+
+    def of_each(self, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+        """Correlation in each picture; NaN where it has no highlight, or hardly a shadow."""
+        found = np.full(len(xy), np.nan)
+        if len(self.dark):
+            S = self.cast(xy[self.shown])
+            found[self.shown] = np.where(S.mean(1) > SEEN, _correlation(self.dark, S), np.nan)
+        return found
+
+
+def _cast(
+    circle: Circle,
+    T: Float[np.ndarray, " 3"],
+    x: np.ndarray,
+    y: np.ndarray,
+    near: float,
+    xy: Float[np.ndarray, "m 2"],
+) -> Float[np.ndarray, "m p"]:
+    """Shadows of a sphere on the table T at the places x, y under lights that it mirrors at `xy`."""
+    L, N = directions(circle, xy)
+    return shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)  # L is from where it is mirrored
 
 
 def _table(L: Float[np.ndarray, "m 3"], e: Float[np.ndarray, " m"]) -> Float[np.ndarray, " 3"]:

@@ -85,11 +85,11 @@ def at_budget(name: str, seed: int) -> Recipe:
 
 def scenes(out: Path, stream: str, windows: int, device: torch.device) -> list[Path]:
     """The sets that a recipe of this stream learns from, rendered where they are not there yet."""
-    mixed = next((m for m in MIXTURES.values() if stream in dict(m)), ((stream, 1),))
-    mine = dict(MIXTURES.get(stream, ((stream, 1),)))
+    amounts = dict(MIXTURES["blobs-and-sculptures"])
+    mine = amounts if stream == "blobs-and-sculptures" else {stream: amounts.get(stream, sum(amounts.values()))}
     sets = []
-    for part in mine:
-        count = round(windows * dict(mixed)[part] / sum(share for _, share in mixed))
+    for part, share in mine.items():
+        count = round(windows * share / sum(amounts.values()))
         sets.append(out / f"scenes-{part}-{count}")
         if not sets[-1].exists():
             print(f"rendering {count} windows of {part}", flush=True)

@@ -25,7 +25,7 @@ import numpy as np
 
 from photonormal.capture.lights import read_lights
 from photonormal.geometry import angle_deg, normalised
-from photonormal.rig import calibrate
+from photonormal.rig.spheres import calibrate
 from photonormal.types import InputError
 
 SAMPLES = 5  # across the reflection of a lamp, at least

@@ -11,7 +11,7 @@ from photonormal.export import load_normals, save
 from photonormal.integration import integrate
 from photonormal.measurement import measure
 from photonormal.methods import solve
-from photonormal.rig import calibrate
+from photonormal.rig.spheres import calibrate
 from photonormal.scoring import score
 from photonormal.types import Capture, InputError, Normals, Result, Surface
 

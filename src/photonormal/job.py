@@ -22,7 +22,7 @@ from photonormal.measurement import measure, read_camera
 from photonormal.methods import DEFAULT, configure, parse
 from photonormal.options import Frame, LightsFrom, Precision
 from photonormal.provenance import Made, inputs, made_by
-from photonormal.rig import AUTO, calibrate
+from photonormal.rig.spheres import AUTO, calibrate
 from photonormal.types import Capture, InputError, Result
 
 if TYPE_CHECKING:

@@ -52,7 +52,7 @@ class Calibrate:
 
     def __call__(self) -> int:
         from photonormal.export.folder import as_json
-        from photonormal.rig import calibrate
+        from photonormal.rig.spheres import calibrate
 
         if self.from_object:
             return self.by_object()
@@ -124,7 +124,7 @@ class Intensities:
     read: Read = field(default_factory=Photographs)
 
     def __call__(self) -> int:
-        from photonormal.rig import intensities
+        from photonormal.rig.intensities import intensities
 
         e = intensities(
             self.capture, self.out, self.reference, self.region, overwrite=self.overwrite, **self.read.how()
@@ -146,7 +146,7 @@ class Mask:
     """Replace files that exist."""
 
     def __call__(self) -> int:
-        from photonormal.rig import draw_mask
+        from photonormal.rig.mask import draw_mask
 
         print(", ".join(str(p) for p in draw_mask(self.folder, self.out, self.overwrite)))
         next_step("check", self.folder, "--mask", self.out)
@@ -204,9 +204,9 @@ class Check:
 
     def __call__(self) -> int:
         from photonormal.export.folder import as_json
-        from photonormal.rig import check
+        from photonormal.rig.checked import check_files
 
-        found, files = check(
+        found, files = check_files(
             self.capture,
             self.out,
             overwrite=self.overwrite,

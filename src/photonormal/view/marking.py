@@ -25,7 +25,8 @@ from photonormal.masked import means
 from photonormal.options import Coordinate, Positive, Whole
 from photonormal.png import encode_png
 from photonormal.progress import progress
-from photonormal.rig import MASK_PICTURES, images_of, numbered_pictures
+from photonormal.rig.mask import MASK_PICTURES
+from photonormal.rig.pictures import images_of, numbered_pictures
 from photonormal.types import InputError
 from photonormal.view.planes import colours, evenly, exact
 

@@ -1,0 +1,36 @@
+"""From photographs to a mask on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from photonormal.capture.images import ImageFiles
+from photonormal.disk import at_once, refuse_taken
+from photonormal.rig.pictures import images_of, numbered_pictures
+
+MASK_PICTURES = 16  # that a mask is found from
+
+
+def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool = False) -> tuple[Path, Path]:
+    """The object's mask from its shading, and a preview of it, as pictures; returns their paths."""
+    from photonormal.calibration.mask import mask_from_shading
+    from photonormal.png import encode_png
+
+    out = Path(out)
+    shown = out.with_name(f"{out.stem}_preview.png")
+    refuse_taken([out, shown], overwrite)
+    paths = numbered_pictures(Path(folder))
+    refuse_taken([out, shown], overwrite, paths)
+    images = ImageFiles(paths[:: max(1, len(paths) // MASK_PICTURES)], None, np.ones((len(paths), 1)))
+    pictures = np.stack(images_of(images, lambda image: image.mean(-1)))
+    mask = mask_from_shading(pictures)
+    level = np.quantile(pictures, 0.9, axis=0)
+    grey = np.rint(255 * (level / max(float(np.quantile(level, 0.99)), 1e-12)).clip(0, 1) ** (1 / 2.2))
+    preview = np.repeat(grey[..., None], 3, axis=-1)
+    preview[~mask] = preview[~mask] / 3 + np.array([0, 0, 90])
+    with at_once(out.parent) as batch:
+        batch.write(out.name, encode_png(mask.astype(np.uint8) * np.uint8(255)))
+        batch.write(shown.name, encode_png(preview.astype(np.uint8)))
+    return out, shown

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photonormal.calibration.intensities import robust_normals
-from photonormal.doctor.frame import GIVEN, QUARTERS, Frame, Surface, judged
+from photonormal.doctor.frame import GIVEN, QUARTERS, Frame, LambertianFit, judged
 from photonormal.geometry import fibonacci_hemisphere, normalised
 
 LIGHTS = fibonacci_hemisphere(24)[:16]
@@ -33,7 +33,7 @@ def towers(seed: int, count: int = 14) -> np.ndarray:
     return z
 
 
-def seen(z: np.ndarray, frame: Frame, cast: bool = False, mask: np.ndarray = RECTANGLE) -> Surface:
+def seen(z: np.ndarray, frame: Frame, cast: bool = False, mask: np.ndarray = RECTANGLE) -> LambertianFit:
     """The plate, matt, photographed under LIGHTS that are given in another frame, cut by a mask."""
     z_y, z_x = np.gradient(z)
     N = normalised(np.stack([-z_x, z_y, np.ones_like(z)], axis=-1))
@@ -42,7 +42,7 @@ def seen(z: np.ndarray, frame: Frame, cast: bool = False, mask: np.ndarray = REC
         I = I * np.stack([~shadowed(z, l) for l in LIGHTS], axis=-1)
     I = (I + 0.002 * np.random.default_rng(1).standard_normal(I.shape)).clip(0)[mask]
     L = LIGHTS @ frame.matrix().T
-    return Surface(I, robust_normals(I, L, I > 0.014), mask, L)
+    return LambertianFit(I, robust_normals(I, L, I > 0.014), mask, L)
 
 
 def shadowed(z: np.ndarray, l: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from photonormal.methods.learned.lightsnet import (
     INTENSITIES,
     RANGE,
     SIDE,
-    Lights,
+    BinnedLights,
     LightsConfig,
     LightsNet,
     angles,
@@ -59,7 +59,7 @@ def test_a_value_is_the_mean_of_its_two_bins():
 def test_the_loss_is_least_at_the_truth():
     L, log_e = directions(24)[None], torch.linspace(-0.5, 0.5, 24)[None]
     wanted = [between(x, ANGLES, math.pi / 2) for x in angles(L)] + [between(log_e, INTENSITIES, RANGE)]
-    told = Lights(*(w.clamp(min=1e-30).log() for w in wanted))
+    told = BinnedLights(*(w.clamp(min=1e-30).log() for w in wanted))
     right = told_wrong(told, L, log_e)
     assert right["angle"] < 0.03 and right["intensity"] < 1e-3
     wrong = told_wrong(told, L.flip(1), log_e.flip(1))
@@ -71,7 +71,7 @@ def test_a_sharp_answer_is_told_as_more_certain_than_a_broad_one():
     sharp = between(torch.zeros(1, 3), ANGLES, math.pi / 2).clamp(min=1e-9).log()
     flat = torch.zeros(1, 3, ANGLES)
     e = torch.zeros(1, 3, INTENSITIES)
-    assert (Lights(sharp, sharp, e).told_deg < 5).all() and (Lights(flat, flat, e).told_deg > 45).all()
+    assert (BinnedLights(sharp, sharp, e).told_deg < 5).all() and (BinnedLights(flat, flat, e).told_deg > 45).all()
 
 
 def test_each_image_keeps_its_light_in_any_order(net):

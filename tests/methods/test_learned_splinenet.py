@@ -7,7 +7,7 @@ from photonormal.methods.inputs.maps import disc
 from photonormal.methods.learned.network import parameters
 from photonormal.methods.learned.splinenet import (
     FEWEST,
-    Interpolation,
+    Interpolator,
     SPLINENet,
     SPLINENetConfig,
     asymmetry,
@@ -33,7 +33,7 @@ def seen(b=2, n=9, h=3, w=5):
 
 
 def test_parameters_of_the_paper_network():
-    assert parameters(Interpolation(64, 6)) == 8_398_593
+    assert parameters(Interpolator(64, 6)) == 8_398_593
 
 
 def test_maps_that_cannot_be_halved_twice_are_refused():

@@ -15,7 +15,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from photonormal.cli.kinds import Number, say_no_more, shown, tell
 from photonormal.cli.measuring import How, Written, of_job
-from photonormal.cli.photographs import Corrections, Files, Lights, Photographs, Read
+from photonormal.cli.photographs import Corrections, Files, LightOptions, Photographs, Read
 from photonormal.options import Positive
 from photonormal.types import InputError
 
@@ -133,7 +133,7 @@ def of_all(command: Batch | Watch) -> Job:
 
 def kinds() -> dict[str, Any]:
     """The options that a list of captures may give, and their kinds."""
-    groups = (Files, Lights, Corrections, How, Written)
+    groups = (Files, LightOptions, Corrections, How, Written)
     found = {name: kind for group in groups for name, kind in get_type_hints(group, include_extras=True).items()}
     return {name: kind for name, kind in found.items() if name not in ("memory", "device")}
 

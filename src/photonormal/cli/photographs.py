@@ -48,7 +48,7 @@ class Files:
 
 
 @dataclass(frozen=True)
-class Lights:
+class LightOptions:
     """Where the lights are, and how bright."""
 
     lights: File = None
@@ -105,7 +105,7 @@ class Photographs:
     """How the photographs are read."""
 
     capture: OmitArgPrefixes[Files] = Files()
-    lights: OmitArgPrefixes[Lights] = Lights()
+    lights: OmitArgPrefixes[LightOptions] = LightOptions()
     corrections: OmitArgPrefixes[Corrections] = Corrections()
 
     def how(self) -> dict[str, Any]:

@@ -64,7 +64,7 @@ QUARTERS = [Frame(mirrored, deg) for mirrored in (False, True) for deg in (0, 90
 
 
 @dataclass(frozen=True)
-class Surface:
+class LambertianFit:
     """What lights as given make of the pictures, on a grid of pixels.
 
     Parameters
@@ -80,10 +80,10 @@ class Surface:
     mask: Bool[np.ndarray, "h w"]
     L: Float[np.ndarray, "n 3"]
 
-    def with_z_turned(self) -> Surface:
+    def with_z_turned(self) -> LambertianFit:
         """As if z of all lights had the other sign."""
         z = np.array([1.0, 1.0, -1.0])
-        return Surface(self.I, self.b * z, self.mask, self.L * z)
+        return LambertianFit(self.I, self.b * z, self.mask, self.L * z)
 
     @cached_property
     def normals(self) -> Float[np.ndarray, "h w 3"]:
@@ -103,7 +103,7 @@ class Surface:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The frame that the surface speaks for, `GIVEN` where it speaks for none; `half` whether half a turn is told."""
+    """The frame that the pictures speak for, `GIVEN` where it speaks for none; `half` whether half a turn is told."""
 
     frame: Frame
     half: bool
@@ -120,17 +120,17 @@ class Verdict:
         return self.frame.name() + other
 
 
-def judged(surface: Surface) -> Verdict:
+def judged(fit: LambertianFit) -> Verdict:
     """The frame of the lights that makes a surface of what they show."""
-    frame, numbers = _up_to_half_a_turn(surface)
-    half = _half_turned(surface, frame, numbers)
+    frame, numbers = _up_to_half_a_turn(fit)
+    half = _half_turned(fit, frame, numbers)
     if half is None:
         return Verdict(frame, False, numbers)
     return Verdict(frame.half_turned() if half else frame, True, numbers)
 
 
-def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
-    curl = Curl.of(surface.normals, surface.mask)
+def _up_to_half_a_turn(fit: LambertianFit) -> tuple[Frame, dict[str, Any]]:
+    curl = Curl.of(fit.normals, fit.mask)
     if curl is None:
         return GIVEN, {}
     best = min(TRIED, key=curl.total)
@@ -147,29 +147,29 @@ def _up_to_half_a_turn(surface: Surface) -> tuple[Frame, dict[str, Any]]:
     return GIVEN, numbers
 
 
-def _half_turned(surface: Surface, frame: Frame, numbers: dict[str, Any]) -> bool | None:
+def _half_turned(fit: LambertianFit, frame: Frame, numbers: dict[str, Any]) -> bool | None:
     """Whether half a turn is missing; None where neither shadows nor an outline tell, or they disagree.
 
     Where each by itself says too little, both together may tell.
     """
-    M, outline = frame.matrix(), surface.outline
-    votes = [surface.shadows.vote(M), 0.0 if outline is None else outline.vote(M)]
+    M, outline = frame.matrix(), fit.outline
+    votes = [fit.shadows.vote(M), 0.0 if outline is None else outline.vote(M)]
     if not any(votes) and outline is not None:
-        votes = [surface.shadows.leaning(M), outline.leaning(M)]
+        votes = [fit.shadows.leaning(M), outline.leaning(M)]
         votes = votes if all(votes) else [0.0, 0.0]
     told = {v > 0 for v in votes if v}
     numbers |= {"half_turn": [round(v, 3) for v in votes]}
     return told.pop() is False if len(told) == 1 else None
 
 
-def wrong_frame(surface: Surface) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:
+def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:
     """The lights' frame, if what they show is no surface, and what corrects them.
 
     Up to half a turn, where the finding's numbers say that it is not told.
     """
-    below = np.median(surface.L[:, 2]) < 0  # lights in front don't show a surface that faces away
-    away = bool(below and (surface.normals[surface.mask][:, 2] < 0).mean() > 0.5)
-    verdict = judged(surface.with_z_turned() if away else surface)
+    below = np.median(fit.L[:, 2]) < 0  # lights in front don't show a surface that faces away
+    away = bool(below and (fit.normals[fit.mask][:, 2] < 0).mean() > 0.5)
+    verdict = judged(fit.with_z_turned() if away else fit)
     if verdict.frame == GIVEN and not away:
         return None
     M = verdict.frame.matrix() @ np.diag([1.0, 1.0, -1.0 if away else 1.0])

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 
 from photonormal.calibration.intensities import SHADOW, robust_normals, self_calibrated
 from photonormal.doctor.finding import Finding, counted, listed
-from photonormal.doctor.frame import GIVEN, Surface, Verdict, judged, wrong_frame
+from photonormal.doctor.frame import GIVEN, LambertianFit, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
 from photonormal.doctor.misfit import MATT, OF_PART, Pixels
 from photonormal.doctor.order import BETTER, Orders, name_of
@@ -44,9 +44,9 @@ def disagreement(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[st
     if isinstance(given, Near) and better:
         limit = BETTER * explained(given)
         better = [order for order in better if explained(given.reordered(order)) < limit]
-    given_as_is = surface_of(given, mask)
+    given_as_is = lambertian_fit(given, mask)
     plain = judged(given_as_is)
-    tried = [(order, judged(surface_of(given.reordered(order), mask))) for order in better[:ORDERS]]
+    tried = [(order, judged(lambertian_fit(given.reordered(order), mask))) for order in better[:ORDERS]]
     tried = [(order, v) for order, v in tried if v.curl <= MORE_CURL * plain.curl]  # surfaces have the least of it
     if tried:
         return _reordered(given, names, orders, tried)
@@ -66,10 +66,10 @@ def explained(given: Given) -> float:
     return Orders.of(given.seen(), L).misfit(np.arange(len(L)))
 
 
-def surface_of(given: Given, mask: Bool[np.ndarray, "h w"]) -> Surface:
+def lambertian_fit(given: Given, mask: Bool[np.ndarray, "h w"]) -> LambertianFit:
     """What the lights make of the pictures, shadows and highlights left aside."""
     I, L = given.seen(), given.directions()
-    return Surface(I, robust_normals(I, L, I > SHADOW * np.quantile(I, 0.99)), mask, L)
+    return LambertianFit(I, robust_normals(I, L, I > SHADOW * np.quantile(I, 0.99)), mask, L)
 
 
 def _reordered(
@@ -160,7 +160,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     if spread > np.log(OFF):
         if smooth(np.log(factor), L) > SHINING:
             return []
-        before, even = surface_of(given, mask), surface_of(given.showing(given.levels / factor), mask)
+        before, even = lambertian_fit(given, mask), lambertian_fit(given.showing(given.levels / factor), mask)
         smoother = judged(even).curl < LESS_CURL * judged(before).curl
         if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):
             return []

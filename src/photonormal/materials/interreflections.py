@@ -74,7 +74,7 @@ class Brightening:
 
 
 @dataclass(frozen=True)
-class Grid:
+class Patches:
     """A capture on squares of pixels.
 
     Parameters
@@ -108,29 +108,29 @@ def brightening(
     capture = seen_as_distant(capture, normals)
     box = box_of(normals.mask)
     step = max(1, -(-max(s.stop - s.start for s in box) // SIDE))
-    grid = _grid(capture, normals, surface, albedo, box, step)
-    found = _factors(grid) if grid.on.any() else None
+    patches = _patches(capture, normals, surface, albedo, box, step)
+    found = _factors(patches) if patches.on.any() else None
     if found is None:
         return None
     factor, exposure = found
-    logs = np.zeros((*grid.on.shape, factor.shape[1]), np.float32)
-    logs[grid.on] = np.log(factor)
-    return Brightening(everywhere(logs, grid.on), step, (box[0].start, box[1].start), exposure)
+    logs = np.zeros((*patches.on.shape, factor.shape[1]), np.float32)
+    logs[patches.on] = np.log(factor)
+    return Brightening(everywhere(logs, patches.on), step, (box[0].start, box[1].start), exposure)
 
 
-def _factors(grid: Grid) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " c"]] | None:
+def _factors(patches: Patches) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " c"]] | None:
     """Measured over true albedo, and the exposure; None where it is not told."""
-    S = grid.cos.clip(0)
-    hidden = shadows(grid.height, grid.on, grid.L)
-    dark = (grid.cos < -STEEPEST) | (hidden & (grid.cos > STEEPEST))  # (p, n)
+    S = patches.cos.clip(0)
+    hidden = shadows(patches.height, patches.on, patches.L)
+    dark = (patches.cos < -STEEPEST) | (hidden & (patches.cos > STEEPEST))  # (p, n)
     if np.count_nonzero(dark) < SAMPLES:
         return None
-    F = form_factors(grid.height, grid.normals, grid.parts)
+    F = form_factors(patches.height, patches.normals, patches.parts)
     if not F.nnz:
         return None
     open = 1 - np.asarray(F.sum(1))  # (p, 1)
     s = (S * ~hidden)[..., None]  # (p, n, 1)
-    a, shown = grid.albedo, grid.I[dark]  # (p, c), (m, c)
+    a, shown = patches.albedo, patches.I[dark]  # (p, c), (m, c)
     k, factor, B = np.ones(a.shape[1], np.float32), np.ones_like(a), a[:, None] * s
     for _ in range(ROUNDS):
         E = a[:, None] * s  # (p, n, c)
@@ -142,7 +142,7 @@ def _factors(grid: Grid) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " 
         k = np.minimum([each for each, _ in found], WHITE / np.quantile(a, 0.99, axis=0).clip(1e-6)).astype(np.float32)
         direct, whole = robust(E, S), robust(E + k * sent, S)
         factor = np.where(direct > 1e-6, whole / direct.clip(1e-6), 1).clip(1)
-        a = grid.albedo / factor
+        a = patches.albedo / factor
     return factor, k
 
 
@@ -174,9 +174,9 @@ def _least_deviations(X: Float[np.ndarray, "m k"], I: Float[np.ndarray, " m"]) -
     return x, float(off.sum())
 
 
-def _grid(
+def _patches(
     capture: Capture, normals: Normals, surface: Surface, albedo: np.ndarray, box: tuple[slice, slice], step: int
-) -> Grid:
+) -> Patches:
     import cv2
 
     known = normals.mask & surface.mask
@@ -217,7 +217,7 @@ def _grid(
         at = np.asarray(capture.lights_at[np.concatenate(number)[on]], np.float32)[:, chosen]  # (p, n, 3)
         cos, L = np.einsum("pi,pni->pn", N[on], at), at.mean(0)
     parts = joined["parts"] * on
-    return Grid(on, joined["height"] / step, N, parts, joined["albedo"][on][:, :c], I, L, cos.astype(np.float32))
+    return Patches(on, joined["height"] / step, N, parts, joined["albedo"][on][:, :c], I, L, cos.astype(np.float32))
 
 
 def _bands(box: tuple[slice, slice], step: int) -> list[slice]:

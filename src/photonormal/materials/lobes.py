@@ -54,7 +54,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class Samples:
+class ReflectanceSamples:
     """What some pixels show, and how each light meets them.
 
     Parameters
@@ -85,7 +85,7 @@ def samples(
     N: Float[Tensor, "p 3"],
     L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"],
     saturated: Bool[Tensor, "p n c"],
-) -> Samples:
+) -> ReflectanceSamples:
     """Samples and their weights: those in shadow are told by a low quantile of I / n.l over the lights."""
     cos_l = cosines(N, L)
     facing = cos_l > STEEPEST
@@ -111,10 +111,10 @@ def samples(
     grazing = level * cos * (1 - cos) ** 5  # by so much matt surfaces differ from Lambert's, as F. Schlick's law has it
     variance = (sigma.square() + grazing.square() / NOISE).clamp(min=1e-24)
     w = (lit / variance)[..., None] * ~saturated
-    return Samples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, lit, albedo)
+    return ReflectanceSamples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, lit, albedo)
 
 
-def log_likelihood(s: Samples) -> Float[Tensor, "p r"]:
+def log_likelihood(s: ReflectanceSamples) -> Float[Tensor, "p r"]:
     """Of each of ROUGHNESS, the best matt and highlight colours given; zero for the best one of a pixel."""
     matt = s.cos_l.clamp(min=0)
     wI, wm = s.w * s.I, s.w * matt[..., None]  # (p, n, c)
@@ -143,7 +143,7 @@ def likeliest(values: Float[Tensor, "p r"]) -> Float[Tensor, " p"]:
     return torch.exp(log[k] + between * (log[1] - log[0]))[:, 0]
 
 
-def fitted(s: Samples, roughness: Float[Tensor, " p"]) -> Fit:
+def fitted(s: ReflectanceSamples, roughness: Float[Tensor, " p"]) -> Fit:
     """The lobes in least squares at a given roughness."""
     matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
     both = torch.stack([matt, g], 1)  # (p, 2, n)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from photonormal.files import memory
 from photonormal.masked import box_of, row_bands
-from photonormal.materials.lobes import BARE, ROUGHNESS, Samples, fitted, likeliest, log_likelihood, samples
+from photonormal.materials.lobes import BARE, ROUGHNESS, ReflectanceSamples, fitted, likeliest, log_likelihood, samples
 from photonormal.materials.neighbours import RADIUS, company, pooled, smooth
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
@@ -113,7 +113,7 @@ class Seen:
     L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"]
     white: Float[Tensor, "*n_c"]
 
-    def samples(self) -> Samples:
+    def samples(self) -> ReflectanceSamples:
         return samples(self.I, self.N, self.L, self.I >= self.white)
 
 

@@ -6,7 +6,7 @@ import torch
 
 from photonormal.geometry import angle_deg
 from photonormal.methods.uncalibrated.albedo import unshaded
-from photonormal.methods.uncalibrated.frame import BASRELIEF, Believed, Evidence, settled
+from photonormal.methods.uncalibrated.frame import BASRELIEF, Believed, FrameEvidence, settled
 from photonormal.methods.uncalibrated.highlights import highlights
 from photonormal.methods.uncalibrated.shown import Shown
 from tests.methods.uncalibrated.test_refine import scattered, shaken
@@ -80,7 +80,7 @@ def test_large_errors_of_each_lights_own_leave_the_frame_as_it_is():
 def test_the_more_believed_lights_may_share_of_an_error_the_more_other_evidence_counts():
     L = torch.from_numpy(scattered(40)).float()
     flatter = torch.nn.functional.normalize(L * torch.tensor([1.0, 1.0, 0.8]), dim=1)
-    deeper = Evidence(BASRELIEF, torch.zeros(3).double(), torch.eye(3).double() / 0.05**2)
+    deeper = FrameEvidence(BASRELIEF, torch.zeros(3).double(), torch.eye(3).double() / 0.05**2)
     left = [
         angle_deg(settled(L, Believed(flatter, 3.0, torch.ones(40), off=off), [deeper]).numpy(), L.numpy()).mean()
         for off in (0.0, 0.2)

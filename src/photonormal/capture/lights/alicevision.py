@@ -31,7 +31,7 @@ class Light(msgspec.Struct):
     intensity: list[Any] | float | str | None = None
 
 
-class Lights(msgspec.Struct):
+class LightsFile(msgspec.Struct):
     """The file."""
 
     lights: Annotated[list[Light], Meta(min_length=1, max_length=MOST)]
@@ -39,7 +39,7 @@ class Lights(msgspec.Struct):
 
 def read(path: Path) -> LightTable:
     """Directions, and intensities where all lights tell theirs."""
-    lights = read_json(path, Lights, "a list of lights with directions is needed").lights
+    lights = read_json(path, LightsFile, "a list of lights with directions is needed").lights
     if any(light.type != "directional" for light in lights):
         raise InputError(f"{path} holds lights of type {lights[0].type} but directional ones are needed; export those.")
     numbers = np.array([vector(light.direction, path) for light in lights])

@@ -44,7 +44,7 @@ class DiscreteTable:
     def flat(self, L: Float[Tensor, "*l n 3"]) -> Tabulated:
         """The table of a matt object."""
         B = torch.ones(self.half + 1, self.difference, device=L.device)
-        return Tabulated(B, Grid.under(L, self.half, self.difference), self.smooth)
+        return Tabulated(B, AngleGrid.under(L, self.half, self.difference), self.smooth)
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Tabulated:
     """The reflectance B(theta_h, theta_d)."""
 
     B: Float[Tensor, "k m"]
-    grid: Grid
+    grid: AngleGrid
     smooth: tuple[float, float]
 
     def model(
@@ -81,7 +81,7 @@ class Tabulated:
 
 
 @dataclass(frozen=True)
-class Grid:
+class AngleGrid:
     """Where the samples of given lights fall in a table over (theta_h, theta_d); theta_d depends on the light alone."""
 
     L: Float[Tensor, "*l n 3"]
@@ -90,14 +90,14 @@ class Grid:
     column: Float[Tensor, "*l n"]  # with fraction
 
     @classmethod
-    def under(cls, L: Float[Tensor, "*l n 3"], half: int, difference: int) -> Grid:
+    def under(cls, L: Float[Tensor, "*l n 3"], half: int, difference: int) -> AngleGrid:
         """The grid of lights L."""
         H = half_vectors(L)
         theta_d = (L * H).sum(-1).clamp(-1, 1).acos()
         span = (theta_d.max() - theta_d.min()).clamp(min=1e-6)
         return cls(L, H, half, (theta_d - theta_d.min()) / span * (difference - 1))
 
-    def seen_from(self, some: slice | Tensor) -> Grid:
+    def seen_from(self, some: slice | Tensor) -> AngleGrid:
         """The grid of some pixels."""
         if self.L.ndim == 2:
             return self

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from photonormal.methods.engine import plan
-from photonormal.methods.engine.pixels import Samples, digested
+from photonormal.methods.engine.pixels import PixelSamples, digested
 from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import mean, turned, turned_picture
 from photonormal.methods.engine.windows import Span, Window
@@ -35,10 +35,12 @@ def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span
     rows, columns = window.seen
     firsts = range(rows.start // task.band * task.band, rows.stop, task.band)
     parts = [slice(max(y, rows.start), min(y + task.band, rows.stop)) for y in firsts]
-    every = Samples.of(net, task, window.seen) if parts == [slice(0, len(task.box.mask))] else None  # of every pass
+    every = (
+        PixelSamples.of(net, task, window.seen) if parts == [slice(0, len(task.box.mask))] else None
+    )  # of every pass
 
-    def samples(rows: slice) -> Samples:
-        return every or Samples.of(net, task, (rows, columns))
+    def samples(rows: slice) -> PixelSamples:
+        return every or PixelSamples.of(net, task, (rows, columns))
 
     found: Iterator[Band] = ((rows, task.look.prior[:, rows, columns][None].to(task.device)) for rows in parts)
     for number in range(task.passes):
@@ -49,7 +51,7 @@ def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span
 
 
 def one_pass(
-    net: PixelNetwork, task: Task, look: Look, samples: Callable[[slice], Samples], found: Iterable[Band]
+    net: PixelNetwork, task: Task, look: Look, samples: Callable[[slice], PixelSamples], found: Iterable[Band]
 ) -> Iterator[Band]:
     """What the network tells of a window, a band of rows at most at a time, from the last pass's normals and memory.
 

@@ -37,7 +37,7 @@ def given_back(capture: Capture) -> Capture:
     Its notes say what was done: half a level was added to samples that were cut off; black that was stored as half a
     level is black; and in dark pictures, zeros are what `engine.zeros` expects.
     """
-    levels = Levels.of(capture)
+    levels = Quantisation.of(capture)
     if levels is None or capture.lights is None:
         return capture
     greys, half = _greys(capture), np.zeros_like(levels.size)
@@ -66,7 +66,7 @@ def _cut_off(b: float, deviation: float) -> bool:
 
 
 @dataclass(frozen=True)
-class Levels:
+class Quantisation:
     """The grey levels of files that hold whole ones.
 
     Parameters
@@ -79,7 +79,7 @@ class Levels:
     darkest: float
 
     @staticmethod
-    def of(capture: Capture) -> Levels | None:
+    def of(capture: Capture) -> Quantisation | None:
         """Those of linear files of 8 or 16 bits; None of others, and of files that have each of their 16 bits."""
         dtype = getattr(capture.images, "dtype", None)
         if dtype not in (np.uint8, np.uint16) or capture.saturation is None or capture.linearised:
@@ -88,13 +88,13 @@ class Levels:
         counts = _some(capture, lambda samples, j: samples / saturation[j] * full)
         whole = np.round(counts).astype(np.int64)
         if np.abs(counts - whole).max() > WHOLE:  # pictures that were reduced: means of whole numbers
-            return Levels(_of_size(capture, 1 / full), 0.0) if dtype == np.uint8 else None
+            return Quantisation(_of_size(capture, 1 / full), 0.0) if dtype == np.uint8 else None
         darkest = int(whole.min())
         step = int(np.gcd.reduce(whole - darkest, axis=None))
         if step == 0 or (dtype == np.uint16 and step == 1):
             return None
         middle = step > 1 and abs(darkest % step - step / 2) <= 0.5
-        return Levels(_of_size(capture, step / full), 0.5 if middle else 0.0)
+        return Quantisation(_of_size(capture, step / full), 0.5 if middle else 0.0)
 
     @property
     def grey(self) -> Float[np.ndarray, " n"]:

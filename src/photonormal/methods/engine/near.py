@@ -57,7 +57,7 @@ class UnderLamps:
             return self.solve(seen)
         R = turns(-camera.rays(*capture.mask.shape)[capture.mask]).astype(np.float32)  # (p, 3, 3)
         assert seen.lights_at is not None
-        found = self.solve(replace(seen, lights_at=Turned(seen.lights_at, R)))
+        found = self.solve(replace(seen, lights_at=TurnedLights(seen.lights_at, R)))
         return replace(found, normals=(found.normals[:, None] @ torch.from_numpy(R))[:, 0])
 
 
@@ -119,7 +119,7 @@ class Arriving:
 
 
 @dataclass(frozen=True)
-class Turned:
+class TurnedLights:
     """Lights as some pixels see them, each in its own frame."""
 
     lights: LightsAt

@@ -27,7 +27,7 @@ AT_A_TIME = {"cpu": 2**13, "cuda": 2**21}  # samples that are encoded
 
 
 @dataclass(frozen=True)
-class Samples:
+class PixelSamples:
     """What the pixels on the mask of a part of the box show, row by row; all that follow stand for those outside.
 
     Parameters
@@ -43,7 +43,7 @@ class Samples:
     pixels: Int[np.ndarray, " p"] | None
 
     @staticmethod
-    def of(net: PixelNetwork, task: Task, seen: Span) -> Samples:
+    def of(net: PixelNetwork, task: Task, seen: Span) -> PixelSamples:
         """Those of a part, each image read once."""
         capture, box, look, device = task.capture, task.box, task.look, task.device
         n, mask = capture.images.shape[0], box.mask[seen].to(device)
@@ -52,7 +52,7 @@ class Samples:
         I = torch.zeros((p // step + 1) * step, n, device=device)
         for j, images in frames(capture, box, seen, device):
             I[:p, j] = scaled(net.scaling, images, mask[None, None], moments, n)[0, 0, 0][mask]
-        return Samples(mask, I, capture, None if capture.lights_at is None else box.pixels(seen))
+        return PixelSamples(mask, I, capture, None if capture.lights_at is None else box.pixels(seen))
 
     def parts(self) -> list[slice]:
         """Some pixels after the other."""
@@ -75,7 +75,7 @@ def _together(n: int, device: torch.device) -> int:
 
 
 def digested(
-    net: PixelNetwork, task: Task, samples: Samples, found: Float[Tensor, "d h w"]
+    net: PixelNetwork, task: Task, samples: PixelSamples, found: Float[Tensor, "d h w"]
 ) -> list[Float[Tensor, "1 h w c"]]:
     """What each pixel knows of its images in each quarter turn, from the last pass's normals and memory."""
     n, mask, device = samples.I.shape[1], samples.mask, found.device

@@ -82,7 +82,7 @@ class IRPS:
     def learned(self, scene: Scene) -> Float[Tensor, "1 3 h w"]:
         """The normals after all iterations."""
         n, c = scene.I.shape[:2]
-        normals, rendering = NormalNet(n * c + 1, self.width), RenderingNet(c, self.width)
+        normals, rendering = PSNet(n * c + 1, self.width), RenderingNet(c, self.width)
         parameters = [*normals.parameters(), *rendering.parameters()]
         descent = torch.optim.Adam(parameters, lr=RATE)
         mask = scene.mask[None, None].float()
@@ -163,7 +163,7 @@ class Layer(nn.Module):
         return self.norm(self.conv(x), mask)
 
 
-class NormalNet(nn.Module):
+class PSNet(nn.Module):
     """Unit normals and features from all images and the mask."""
 
     def __init__(self, inputs: int, width: int) -> None:

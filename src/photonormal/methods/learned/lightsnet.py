@@ -40,7 +40,7 @@ class LightsConfig:
     prior: str = ""
 
 
-class Lights(NamedTuple):
+class BinnedLights(NamedTuple):
     """What is told of the lights of k images: logarithms of shares of the bins, up to one number for each image.
 
     The first angle is atan(x / z), the second asin(y), both from -90 to 90 degrees.
@@ -89,7 +89,7 @@ class LightsNet(Model):
         self.told = nn.Linear(8 * w, 2 * ANGLES + INTENSITIES)
         kaiming(self)
 
-    def forward(self, images: Float[Tensor, "b n c h w"], mask: Bool[Tensor, "b 1 h w"]) -> Lights:
+    def forward(self, images: Float[Tensor, "b n c h w"], mask: Bool[Tensor, "b 1 h w"]) -> BinnedLights:
         """The lights of n images, from `scaled` ones, zero outside the mask."""
         x = grey(images)  # (b, n, 1, h, w)
         rms = x.square().mean(1, keepdim=True).sqrt()
@@ -102,7 +102,7 @@ class LightsNet(Model):
         f = self.flat(self.both(both).flatten(1)).unflatten(0, (-1, n))  # (b, n, 8 width)
         of_all = [v.expand_as(f) for v in (f.amax(1, keepdim=True), f.mean(1, keepdim=True))]
         told = self.told(self.joined(torch.cat([f, *of_all], dim=2))).float()
-        return Lights(*told.split([ANGLES, ANGLES, INTENSITIES], dim=-1))
+        return BinnedLights(*told.split([ANGLES, ANGLES, INTENSITIES], dim=-1))
 
 
 def direction(across: Tensor, up: Tensor) -> Float[Tensor, "*b 3"]:
@@ -131,7 +131,7 @@ def between(value: Float[Tensor, "*b"], bins: int, end: float) -> Float[Tensor, 
     return (1 - (torch.arange(bins, device=value.device) - place).abs()).clamp(min=0)
 
 
-def told_wrong(told: Lights, L: Float[Tensor, "b k 3"], log_e: Float[Tensor, "b k"]) -> dict[str, Any]:
+def told_wrong(told: BinnedLights, L: Float[Tensor, "b k 3"], log_e: Float[Tensor, "b k"]) -> dict[str, Any]:
     """What a training makes small, a mean over all images each.
 
     `angle` is the chord between directions, `intensity` the error of the logarithm, `bins` the cross-entropy.

@@ -63,7 +63,7 @@ class SPLINENet(MapNetwork):
 
     def __init__(self, config: SPLINENetConfig = SPLINENetConfig()) -> None:
         super().__init__(config, channels=2)
-        self.interpolation = Interpolation(config.width, config.blocks)
+        self.interpolation = Interpolator(config.width, config.blocks)
 
     def projection(self, L: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 2"]:
         return seen_from_above(L)
@@ -117,7 +117,7 @@ def asymmetry(D: Float[Tensor, "q s s"], N: Float[Tensor, "q 3"]) -> Float[Tenso
     return off + weight * ((off - 1 / cells).abs() + of_pooled * (pooled_off - 1 / P[0].numel()).abs())
 
 
-class Interpolation(nn.Module):
+class Interpolator(nn.Module):
     """A map with gaps to one without, cells from 0 to 1: two strides down, residual blocks, two strides up."""
 
     def __init__(self, width: int, blocks: int) -> None:

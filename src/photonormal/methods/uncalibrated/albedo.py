@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.methods.uncalibrated.frame import BASRELIEF, FEWEST, STEEP, Evidence, fitted, on_map, part_of
+from photonormal.methods.uncalibrated.frame import BASRELIEF, FEWEST, STEEP, FrameEvidence, fitted, on_map, part_of
 
 APART = 4  # pixels between which it is compared
 FLOOR = (0.02, 0.02, 0.04)  # least standard error under many lights, tilts and depth
@@ -20,7 +20,7 @@ TEXTURE = 2500.0  # times the square of what the parts disagree by: texture lead
 
 def unshaded(
     rho: Float[Tensor, " p"], N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"], lights: int
-) -> Evidence | None:
+) -> FrameEvidence | None:
     """What E[0, 2], E[1, 2] and E[2, 2] leave of rho, found with normals N under so many lights, free of the normals.
 
     rho (1 - n.E n) is, to first order, the albedo in the mapped frame. None where too few pixels have neighbours.
@@ -42,4 +42,4 @@ def unshaded(
     theta, covariance = fitted(J, r, torch.ones_like(r), part)
     doubt = TEXTURE * covariance.diagonal().sqrt()
     floor = (1 + FEW / lights) * covariance.new_tensor(FLOOR).square().diag()
-    return Evidence(BASRELIEF, theta, torch.linalg.inv(doubt[:, None] * covariance * doubt + floor))
+    return FrameEvidence(BASRELIEF, theta, torch.linalg.inv(doubt[:, None] * covariance * doubt + floor))

@@ -59,7 +59,7 @@ class Believed:
 
 
 @dataclass(frozen=True)
-class Evidence:
+class FrameEvidence:
     """`rows` of the nine entries of E, in rows of E, are `told`, with this precision (inverse covariance)."""
 
     rows: Float[Tensor, "k 9"]
@@ -68,7 +68,7 @@ class Evidence:
 
 
 def settled(
-    s: Float[Tensor, "n 3"], believed: Believed, others: Sequence[Evidence | None], share: float = 1.0
+    s: Float[Tensor, "n 3"], believed: Believed, others: Sequence[FrameEvidence | None], share: float = 1.0
 ) -> Float[Tensor, "n 3"]:
     """The lights s, of any lengths, in the frame that the believed lights and other evidence speak for.
 
@@ -139,7 +139,7 @@ class Curl(NamedTuple):
     whole: Bool[Tensor, "i j"]
 
 
-def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Evidence | None:
+def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> FrameEvidence | None:
     """What (1 + D), D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1], takes the curl of N's slopes away.
 
     None where too few normals have neighbours.
@@ -149,7 +149,7 @@ def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Evidence | Non
         return None
     theta, covariance = fitted(told.J, told.r, told.weight, part_of(told.whole))
     floor = (CURL_FLOOR**2 + (CURL_SECOND * theta**2) ** 2).diag()
-    return Evidence(of_curl(), theta, torch.linalg.inv(covariance + floor))
+    return FrameEvidence(of_curl(), theta, torch.linalg.inv(covariance + floor))
 
 
 def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None:
@@ -172,7 +172,7 @@ def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None
     return Curl(J, -(Y[:, 1] + X[:, 0]), 1 / size, whole)
 
 
-def facing(N: Float[Tensor, "p 3"]) -> Evidence:
+def facing(N: Float[Tensor, "p 3"]) -> FrameEvidence:
     """An object that is seen whole faces the camera in the mean: what E[0, 2] and E[1, 2] turn its mean normal there.
 
     These two tilt all normals and make lights on one side brighter, which nothing else tells where intensities are
@@ -180,7 +180,7 @@ def facing(N: Float[Tensor, "p 3"]) -> Evidence:
     """
     x, y, z = N.double().mean(0)
     rows = torch.eye(9, dtype=torch.float64)[[2, 5]]
-    return Evidence(rows, torch.stack([x, y]) / z, torch.eye(2, dtype=torch.float64) / (FACING / z) ** 2)
+    return FrameEvidence(rows, torch.stack([x, y]) / z, torch.eye(2, dtype=torch.float64) / (FACING / z) ** 2)
 
 
 def fitted(

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from photonormal.lighting import under
 from photonormal.methods.inputs.scaling import moment, scaled
-from photonormal.methods.learned.lightsnet import SIDE, Lights, LightsNet
+from photonormal.methods.learned.lightsnet import SIDE, BinnedLights, LightsNet
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.processor import inner_precision
 from photonormal.methods.uncalibrated.limits import refuse_narrow
@@ -45,7 +45,7 @@ def guess(net: LightsNet, capture: Capture, device: torch.device) -> Guess:
     return Guess(*(v.cpu().float() for v in (normalised(L), e, doubt)))
 
 
-def looked(net: LightsNet, images: Float[Tensor, "b n c s s"], mask: Bool[Tensor, "b 1 s s"]) -> Lights:
+def looked(net: LightsNet, images: Float[Tensor, "b n c s s"], mask: Bool[Tensor, "b 1 s s"]) -> BinnedLights:
     """What the network tells of whole objects in linear images, in one look."""
     x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), images.shape[1])
     with inner_precision(images.device):

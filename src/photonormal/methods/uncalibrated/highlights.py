@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from photonormal.methods.uncalibrated.frame import BASRELIEF, PARTS, Evidence, part_of
+from photonormal.methods.uncalibrated.frame import BASRELIEF, PARTS, FrameEvidence, part_of
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.shading import cosines, normalised
 
@@ -37,7 +37,7 @@ class Compared(NamedTuple):
     B: Float[Tensor, "p n k"]
 
 
-def highlights(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Evidence | None:
+def highlights(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> FrameEvidence | None:
     """What E[0, 2], E[1, 2] and E[2, 2] make brightness the same function of the angle to a highlight's middle.
 
     `N` are unit normals, `s` lights with their intensities as lengths. None where too few normals are known.
@@ -68,7 +68,7 @@ def highlights(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -
     inverse = torch.linalg.inv(A + ridge(A, 1e-6)) * A.new_tensor(GAIN)
     told = pull.sum(0) @ inverse
     covariance = inverse.T @ (pull.T @ pull + NOISE**2 * A) @ inverse + A.new_tensor(FLOOR).square().diag()
-    return Evidence(BASRELIEF, told * (MOST / told.norm()).clamp(max=1), torch.linalg.inv(covariance))
+    return FrameEvidence(BASRELIEF, told * (MOST / told.norm()).clamp(max=1), torch.linalg.inv(covariance))
 
 
 def compared(log: Float[Tensor, "p n"], n: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Compared:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -21,10 +21,12 @@ from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
 from photonormal.resources import hand_back, peak_mb
 from photonormal.scoring import score
-from photonormal.types import Capture, InputError, Result, as_capture
+from photonormal.types import Capture, InputError, Normals, Result, as_capture
 
 if TYPE_CHECKING:
-    from photonormal.methods.contract import Solution
+    import torch
+
+    from photonormal.methods.contract import Method, Solution
 
 
 def measure(
@@ -74,34 +76,18 @@ def measure(
     check_value(precision, Precision, "precision")
     check_value(lights, LightsFrom, "lights")
     solver = configure(method, **(options or {}))
+    from photonormal.methods.engine.device import torch_device
+
+    where = torch_device(device)
+    lights = _lights_from(lights, solver, capture, method, materials)
     seconds: dict[str, float] = {}
     samples, told = None, None
     findings: list[Finding] = []
-    from photonormal.methods.contract import Streaming
-    from photonormal.methods.engine import check as check_needs
-    from photonormal.methods.engine import on_mask, run_as_it_is, with_lights
-    from photonormal.methods.engine.cutoff import given_back
-    from photonormal.methods.engine.device import torch_device
-    from photonormal.methods.engine.near import seen_as_distant
-    from photonormal.methods.engine.parts import joined
-    from photonormal.methods.learned.processor import computing_in, number_format
-
-    where = torch_device(device)
-    if solver.needs.finds_lights:
-        if lights == "refined":
-            raise InputError(f"{method} finds the lights itself; leave --refine-lights out, or choose another method.")
-        lights = "given"  # it looks at none
-    if lights == "given":
-        check_needs(solver, capture)
-        if materials and capture.lights is None and not solver.needs.finds_lights:
-            raise InputError(
-                f"{capture.name} has no light directions but materials need them; add light_directions.txt or an .lp, "
-                "or leave --materials out."
-            )
     if examine:
         with _stage("read", seconds):
             samples = _read(capture)
     if lights != "given":
+        from photonormal.methods.learned.processor import computing_in
         from photonormal.methods.uncalibrated import found_lights
 
         with _stage("lights", seconds), computing_in(precision):
@@ -112,30 +98,14 @@ def measure(
             findings = check(capture, told)
         hand_back()
     warnings = [finding.message for finding in findings] if examine or told is None else list(told.notes)
-    whole = given_back(capture) if solver.needs.lights else capture
-    warnings += whole.notes[len(capture.notes) :]
-    with _stage("solve", seconds):
-        with computing_in(precision):
-            found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
-            computed_in = number_format(where, solver.exact) if isinstance(solver, Streaming) else None
-        normals = on_mask(found, capture)
-    lit, told_deg = with_lights(whole, found), found.told_deg
-    if told is None and found.lights is not None:
-        told = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
-    del found  # its normals lie in the map
-    if expected_error and lit.lights is not None:
-        from photonormal.methods.expected import with_expected_error
-
-        with _stage("expected error", seconds), progress("expected errors"):
-            lit = seen_as_distant(lit, normals)
-            normals = with_expected_error(normals, told_deg, lit, solver, where)
-    del told_deg
-    rho = surface = None
+    solved = _solved(solver, capture, where, precision, parts, expected_error, seconds)
+    normals, lit, told = solved.normals, solved.lit, told or solved.told
+    warnings += lit.notes[len(capture.notes) :]
+    surface = rho = made_of = between = None
     if integration is not None:
         with _stage("integrate", seconds), progress(f"depth by {integration}"):
             surface = integrate(normals, integration, K=_camera_matrix(capture, K))
         hand_back()  # grids of all sizes were made and freed
-    made_of = None
     if materials:
         from photonormal.materials import materials_of
 
@@ -148,7 +118,6 @@ def measure(
         with _stage("albedo", seconds), progress("albedo"):
             rho = lambertian_albedo(lit, normals)
         hand_back()
-    between = None
     if rho is not None and surface is not None:
         from photonormal.materials.interreflections import brightening
 
@@ -157,22 +126,16 @@ def measure(
             if between is not None:
                 for each in [rho] if made_of is None else [rho, made_of.albedo]:
                     between.take_from(each)
-    dark = int(capture.mask.sum()) - int(normals.mask.sum())
-    if dark:
+    if dark := int(capture.mask.sum()) - int(normals.mask.sum()):
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
     report = {
         "photonormal": photonormal.__version__,
-        "capture": capture.name,
+        **_told_of(capture, normals),
         "method": method,
         "options": options_of(solver),
         "integration": integration,
         "device": str(where),
-        "precision": computed_in,
-        "images": list(capture.image_names),
-        "lights": capture.images.shape[0],
-        "crop": None if capture.crop is None else capture.crop.as_dict(),
-        "light": "distant" if capture.lamps is None else "near",
-        "pixels": {"mask": int(capture.mask.sum()), "measured": int(normals.mask.sum()), "dark": dark},
+        "precision": solved.computed_in,
         "samples": samples,
         "seconds": seconds,
         "peak_memory_mb": peak_mb(),
@@ -180,16 +143,94 @@ def measure(
         "warnings": warnings,
         "findings": [finding.as_dict() for finding in findings],
     }
-    if normals.expected_error_deg is not None:
-        report["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
     if rho is not None and surface is not None:
         report["interreflections"] = None if between is None else between.as_dict()
     if told is not None:
         report["found_lights"] = told.as_dict()
-    if capture.truth is not None:
-        report["score"] = score(normals, capture.truth).as_dict()
     lit_by = (None, None) if told is None else (told.lights, told.intensities)
     return Result(capture, normals, rho, surface, *lit_by, report, made_of)
+
+
+def _lights_from(lights: LightsFrom, solver: Method, capture: Capture, method: str, materials: bool) -> LightsFrom:
+    """Where the lights come from; refuses what the method, or what is asked of it, can't do."""
+    if solver.needs.finds_lights:
+        if lights == "refined":
+            raise InputError(f"{method} finds the lights itself; leave --refine-lights out, or choose another method.")
+        lights = "given"  # it looks at none
+    if lights == "given":
+        from photonormal.methods.engine import check as check_needs
+
+        check_needs(solver, capture)
+        if materials and capture.lights is None and not solver.needs.finds_lights:
+            raise InputError(
+                f"{capture.name} has no light directions but materials need them; add light_directions.txt or an .lp, "
+                "or leave --materials out."
+            )
+    return lights
+
+
+class _Solved(NamedTuple):
+    """What a method found: normals, the capture under the lights that it was measured by, the lights that the method
+    found itself, and what a network computed in."""
+
+    normals: Normals
+    lit: Capture
+    told: FoundLights | None
+    computed_in: str | None
+
+
+def _solved(
+    solver: Method,
+    capture: Capture,
+    where: torch.device,
+    precision: Precision,
+    parts: Sequence[Solution],
+    expected_error: bool,
+    seconds: dict[str, float],
+) -> _Solved:
+    """A method's normals, and by how much each of them is expected to be off."""
+    from photonormal.methods.contract import Streaming
+    from photonormal.methods.engine import on_mask, run_as_it_is, with_lights
+    from photonormal.methods.engine.cutoff import given_back
+    from photonormal.methods.engine.near import seen_as_distant
+    from photonormal.methods.engine.parts import joined
+    from photonormal.methods.learned.processor import computing_in, number_format
+
+    whole, told = given_back(capture) if solver.needs.lights else capture, None
+    with _stage("solve", seconds):
+        with computing_in(precision):
+            found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
+            computed_in = number_format(where, solver.exact) if isinstance(solver, Streaming) else None
+        normals = on_mask(found, capture)
+    lit, told_deg = with_lights(whole, found), found.told_deg
+    if found.lights is not None:
+        told = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
+    del found  # its normals lie in the map
+    if expected_error and lit.lights is not None:
+        from photonormal.methods.expected import with_expected_error
+
+        with _stage("expected error", seconds), progress("expected errors"):
+            lit = seen_as_distant(lit, normals)
+            normals = with_expected_error(normals, told_deg, lit, solver, where)
+    return _Solved(normals, lit, told, computed_in)
+
+
+def _told_of(capture: Capture, normals: Normals) -> dict[str, Any]:
+    """What a report tells of the capture and of its normals."""
+    inside, measured = int(capture.mask.sum()), int(normals.mask.sum())
+    told: dict[str, Any] = {
+        "capture": capture.name,
+        "images": list(capture.image_names),
+        "lights": capture.images.shape[0],
+        "crop": None if capture.crop is None else capture.crop.as_dict(),
+        "light": "distant" if capture.lamps is None else "near",
+        "pixels": {"mask": inside, "measured": measured, "dark": inside - measured},
+    }
+    if normals.expected_error_deg is not None:
+        told["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
+    if capture.truth is not None:
+        told["score"] = score(normals, capture.truth).as_dict()
+    return told
 
 
 def _camera_matrix(capture: Capture, K: np.ndarray | None) -> np.ndarray | None:

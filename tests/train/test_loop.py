@@ -18,7 +18,7 @@ import torch
 
 from photonormal.methods.learned.network import PixelNetwork
 from photonormal.methods.learned.weights import load
-from photonormal.train import checkpoint, loop, objective, validate
+from photonormal.train import checkpoint, learner, loop, objective, validate
 from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
 from photonormal.types import InputError
@@ -416,7 +416,7 @@ torch.set_num_threads(1)
 from photonormal.methods.learned import processor
 from photonormal.methods.learned.network import placed
 from photonormal.methods.learned.weights import build
-from photonormal.train import loop, objective
+from photonormal.train import learner, loop, objective
 from photonormal.train.launch import launched
 from photonormal.train.observe import observe
 from photonormal.train.recipes import Recipe
@@ -470,8 +470,8 @@ def test_two_processes_have_the_gradient_of_one_with_the_double_batch(tmp_path):
 
 
 def test_a_batch_without_a_finite_gradient_teaches_nothing(tmp_path, monkeypatch):
-    error, calls = loop.error, itertools.count()
-    monkeypatch.setattr(loop, "error", lambda *given: error(*given) * (torch.nan if next(calls) == 2 else 1))
+    error, calls = learner.error, itertools.count()
+    monkeypatch.setattr(learner, "error", lambda *given: error(*given) * (torch.nan if next(calls) == 2 else 1))
     net = load(run(tmp_path))
     assert all(p.isfinite().all() for p in net.parameters())
 

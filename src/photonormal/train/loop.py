@@ -20,21 +20,16 @@ import photonormal
 from photonormal.capture.lights import read_lights
 from photonormal.disk import at_once, refuse_taken
 from photonormal.methods.engine.prior import prior_named
-from photonormal.methods.learned.network import Model, placed
 from photonormal.methods.learned.processor import computing_in, keep_freed_memory
-from photonormal.methods.learned.weights import build, checksum, load
+from photonormal.methods.learned.weights import checksum, load
 from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.train import checkpoint, recipes
-from photonormal.train.averages import averaged, follow, moved
-from photonormal.train.begin import begin
 from photonormal.train.card import command, device_name, export
 from photonormal.train.disk import Disk
 from photonormal.train.journal import NAME as JOURNAL
 from photonormal.train.journal import Journal, refuse_foreign
 from photonormal.train.launch import agreed, launched
-from photonormal.train.objective import error
-from photonormal.train.observe import observe
-from photonormal.train.optimiser import Optimiser
+from photonormal.train.learner import Learner
 from photonormal.train.recipes import Recipe, for_rig
 from photonormal.train.replay import replayed
 from photonormal.train.validate import examined, on_real, on_rendered
@@ -118,28 +113,7 @@ def train(
     if not resume and rank == 0:
         started(out, name)
     stream = stream or rendered()
-
-    torch.manual_seed(recipe.seed)
-    net: Model = placed(build(recipe.network, recipe.built), "cpu")
-    if begun is not None:
-        begin(net, begun)
-    origin = {k: v.clone() for k, v in net.state_dict().items()} if recipe.moved < 1 else {}
-    for key, p in net.named_parameters():
-        p.requires_grad_(key.startswith(recipe.learn))
-    mean = {k: v.clone() for k, v in net.state_dict().items()} if recipe.ema else {}  # running mean of the weights
-    if state:
-        checkpoint.fits(out, state["network"], net.state_dict())
-        checkpoint.fits(out, state["mean"], mean)
-        net.load_state_dict(state["network"])
-        mean = state["mean"]
-    model = fabric.setup_module(net)
-    optimiser = Optimiser(net, recipe)
-    if state:
-        try:
-            optimiser.load_state_dict(state["optimiser"])
-        except (ValueError, KeyError, TypeError, AttributeError, RuntimeError):
-            raise InputError(f"checkpoint in {out} holds no state of its optimiser; start again.") from None
-    mean = {k: v.to(fabric.device) for k, v in mean.items()}
+    learner = Learner(recipe, fabric, begun, state, out)
     step, before = (state["step"], state["seconds"]) if state else (0, 0.0)
     # every process renders its own scenes; each has its own seed
     source = partial(
@@ -153,7 +127,8 @@ def train(
     batches = replayed(source, step * recipe.accumulate, recipe)
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
-    journal = Journal(out, step, steps, minutes, recipe.loss if net.learns == "normals" else "") if rank == 0 else None
+    angle = recipe.loss if learner.net.learns == "normals" else ""  # of which the journal tells the angle
+    journal = Journal(out, step, steps, minutes, angle) if rank == 0 else None
     fabric.barrier()
     clock = clock or time.monotonic
     start, saved = clock(), time.monotonic()
@@ -161,10 +136,10 @@ def train(
     def validated() -> dict[str, dict[str, float]]:
         """Errors on every exam and on the real objects, written into the journal."""
         assert journal is not None
-        best = moved(averaged(net, mean), origin, recipe.moved)
+        shown = learner.shown()
         with computing_in(precision):
-            found = {kind: on_rendered(best, exam, recipe) for kind, exam in exams.items()}
-            found["real"] = on_real(best, fabric.device, recipe)
+            found = {kind: on_rendered(shown, exam, recipe) for kind, exam in exams.items()}
+            found["real"] = on_real(shown, fabric.device, recipe)
         for kind, errors in found.items():
             journal.write(step, kind, errors)
         return found
@@ -175,15 +150,9 @@ def train(
         assert journal is not None
         now = time.monotonic()
         if last or now - saved >= save_seconds:
-            weights, state = net.state_dict(), optimiser.state_dict()
-            told = {
-                "step": step,
-                "seconds": before + clock() - start,
-                "recipe": recipe.as_dict(),
-                "precision": precision,
-            }
-            told |= {"data": learned_from}
-            checkpoint.save(out, told | {"network": weights, "optimiser": state, "mean": mean, **version()})
+            told = {"step": step, "seconds": before + clock() - start, "recipe": recipe.as_dict()}
+            told |= {"precision": precision, "data": learned_from}
+            checkpoint.save(out, told | learner.state() | version())
             saved = now
         if step % recipe.validate == 0 and not last:
             validated()
@@ -197,25 +166,10 @@ def train(
         if fraction >= 1 and step:  # never a network of random weights
             break
         share = recipe.share(step, fraction)
-        net.zero_grad()
-        losses = []
-        for part in range(step * recipe.accumulate, (step + 1) * recipe.accumulate):
-            seen = observe(next(batches), recipe, net.scaling, part, rank)
-            loss = error(model, net, seen, recipe, 1 if step < recipe.once else recipe.passes, fabric)
-            fabric.backward(loss / recipe.accumulate)
-            losses.append(loss.detach())
-        finite = True
-        if recipe.clip:
-            finite = bool(torch.nn.utils.clip_grad_norm_(net.parameters(), recipe.clip).isfinite())
-        if finite:  # else this batch teaches nothing
-            optimiser.step(share)
-        if recipe.ema:
-            follow(mean, net, min(recipe.ema, (1 + step) / (10 + step)))
+        loss = learner.step(batches, step, share)
         step += 1
         if journal:
-            journal.step(
-                step, fraction, torch.stack(losses).mean(), share * recipe.lr, recipe.batch * recipe.accumulate
-            )
+            journal.step(step, fraction, loss, share * recipe.lr, recipe.batch * recipe.accumulate)
             finish_step(last=False)
     path = out / f"{name}.safetensors"
     if journal:
@@ -235,7 +189,7 @@ def train(
             "device": f"{world} x {device_name(fabric.device)}",
             "precision": precision,
         }
-        export(out, name, moved(averaged(net, mean), origin, recipe.moved), told | version())
+        export(out, name, learner.shown(), told | version())
         journal.close()
     fabric.barrier()
     return path

@@ -6,9 +6,11 @@ from photonormal.doctor import check as findings_of
 from photonormal.doctor.finding import Finding
 from photonormal.lighting import FoundLights
 from photonormal.progress import progress
+from photonormal.resources import by_one_thread
 from photonormal.types import Capture
 
 
+@by_one_thread()
 def check(capture: Capture, told: FoundLights | None = None) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 

@@ -6,11 +6,13 @@ import ctypes
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
+
+from threadpoolctl import threadpool_limits
 
 KEPT = 2**29  # bytes that a process may hold: what a small capture frees, the next one needs again
 
@@ -87,6 +89,25 @@ def take_share(threads: int) -> None:
     """From now on this process uses so many processors: others work beside it."""
     global _share
     _share = threads
+
+
+@contextmanager
+def by_one_thread() -> Iterator[None]:
+    """numpy, SciPy and torch compute by one thread in the block, or in a function that has this as its decorator.
+
+    For many small steps: threads that share each of them wait for one another, which takes ten times as long as the
+    steps themselves where other programs run, too.
+    """
+    torch = sys.modules.get("torch")
+    threads = torch.get_num_threads() if torch else 1
+    with threadpool_limits(1, user_api="blas"):
+        if threads > 1:
+            torch.set_num_threads(1)
+        try:
+            yield
+        finally:
+            if threads > 1:
+                torch.set_num_threads(threads)
 
 
 def in_threads(f: Callable[[S], T], items: Iterable[S], threads: int) -> list[T]:

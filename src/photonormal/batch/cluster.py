@@ -20,7 +20,6 @@ from photonormal import progress
 from photonormal.batch.captures import Named
 from photonormal.batch.state import record_failure, state_of
 from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, work
-from photonormal.batch.workers import blas_threads
 from photonormal.disk import in_use
 from photonormal.files import memory
 from photonormal.job import Part, divided, solve_part
@@ -76,7 +75,7 @@ def cluster(scheduler: str, workers: int | None, split_megapixels: float | None 
         else:
             count = workers or cores()
             nbytes = memory.allowed() // count
-            threads = {f"{name}_NUM_THREADS": str(max(1, cores() // count)) for name in ("OMP", "MKL")} | blas_threads()
+            threads = {f"{name}_NUM_THREADS": str(max(1, cores() // count)) for name in ("OMP", "MKL")}
             with config.set({"distributed.nanny.pre-spawn-environ": threads}):
                 local = LocalCluster(
                     n_workers=count, threads_per_worker=1, memory_limit=None, dashboard_address="", silence_logs=50

@@ -23,7 +23,6 @@ from photonormal.files import memory
 from photonormal.resources import cores
 
 LOADED = "photonormal.batch.loaded"  # has imported what measuring needs
-BLAS_THREADS = "OPENBLAS_NUM_THREADS"  # read as numpy is imported
 TRIES = 3  # of a capture whose process ends early
 EACH = memory.LEAST  # bytes that a process may use, at least
 OFTEN_S = 0.2  # between two words about how far a capture is
@@ -119,27 +118,8 @@ def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None)
         _end(workers)
 
 
-def blas_threads() -> dict[str, str]:
-    """The variable by which numpy multiplies by one thread, unless the user says otherwise: its matrices are small, and
-    more threads wait for each other on cores that other captures need."""
-    return {BLAS_THREADS: os.environ.get(BLAS_THREADS, "1")}
-
-
 @contextlib.contextmanager
 def beginning() -> Iterator[None]:
-    """Processes that begin in the block never hear of Ctrl-C, and find `blas_threads` in their environment."""
-    said = os.environ.get(BLAS_THREADS)
-    os.environ |= blas_threads()
-    try:
-        with _without_ctrl_c():
-            yield
-    finally:
-        if said is None:
-            del os.environ[BLAS_THREADS]
-
-
-@contextlib.contextmanager
-def _without_ctrl_c() -> Iterator[None]:
     """A process that begins in the block never hears of Ctrl-C, not even while it is loading."""
     if not hasattr(signal, "pthread_sigmask"):  # on Windows
         yield

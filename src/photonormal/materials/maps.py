@@ -16,7 +16,7 @@ from photonormal.materials.lobes import BARE, ROUGHNESS, ReflectanceSamples, fit
 from photonormal.materials.neighbours import RADIUS, company, pooled, smooth
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.methods.engine.workers import side_by_side
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.progress import progress
 from photonormal.types import Capture, Materials, Normals
 

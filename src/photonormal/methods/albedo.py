@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from photonormal.masked import box_of, row_bands, taken
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.methods.engine.workers import side_by_side
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.shading import cosines
 from photonormal.types import Capture, Normals
 

@@ -20,9 +20,9 @@ from photonormal.methods.classical.woodham import (
     symmetric_product,
 )
 from photonormal.methods.engine.samples import Band, all_lights, bands, lights_at
-from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
 from photonormal.methods.inputs.grey import ascending
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.types import Capture, Normals
 

@@ -20,12 +20,14 @@ from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame
 from photonormal.options import Coordinate, Positive, check_value
 from photonormal.progress import progress
+from photonormal.resources import by_one_thread
 from photonormal.rig.pictures import brightest_of, in_order_of, numbered_pictures, pictures_of
 from photonormal.types import InputError
 
 AUTO = "AUTO"  # the spheres are in the object's own photographs
 
 
+@by_one_thread()
 def calibrate(
     folder: str | Path,
     spheres: Sequence[str | Path] = (AUTO,),

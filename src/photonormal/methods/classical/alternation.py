@@ -15,6 +15,8 @@ from photonormal.methods.classical.ransac import Ransac
 from photonormal.methods.classical.refine import Refinement
 from photonormal.methods.contract import Observations
 from photonormal.methods.inputs.blocks import blocks, every_pixel, some_pixels
+from photonormal.methods.inputs.workers import side_by_side
+from photonormal.resources import by_one_thread
 
 
 @runtime_checkable
@@ -77,8 +79,12 @@ class Alternation:
         samples, kept = I[some].to(L), keep[some].to(L.device)
         some = some.to(L.device)
         for _ in range(self.rounds):
-            reflectance = reflectance.fitted(some, samples, kept, n[some])
-            for s in blocks(I.shape[0], I.shape[1], L.device):
+            with by_one_thread():
+                reflectance = reflectance.fitted(some, samples, kept, n[some])
+
+            def refined(s: slice, reflectance: Reflectance = reflectance) -> None:
                 block, lit_here = I[s].to(L), keep[s].to(L.device)
                 n[s], loss[s] = self.refinement(reflectance.model(s, block, lit_here, n[s]), block, lit_here, n[s])
+
+            side_by_side(refined, blocks(I.shape[0], I.shape[1], L.device), L.device)
         return n, loss

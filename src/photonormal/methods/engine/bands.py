@@ -15,7 +15,7 @@ from photonormal.methods.engine.pixels import PixelSamples, digested
 from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import mean, turned, turned_picture
 from photonormal.methods.engine.windows import Span, Window
-from photonormal.methods.engine.workers import side_by_side
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.methods.learned.network import PixelNetwork, Step, lateness
 from photonormal.resources import hand_back
 

@@ -17,8 +17,8 @@ from photonormal.methods.engine.frames import frames
 from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import turned
 from photonormal.methods.engine.windows import Span
-from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.scaling import scaled
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.methods.learned.network import PixelNetwork
 from photonormal.methods.learned.processor import PICTURES, inner_precision
 from photonormal.types import Capture

@@ -14,9 +14,9 @@ from torch import Tensor
 from photonormal.masked import box_of, row_bands
 from photonormal.methods.contract import Observations, Solution, Solver
 from photonormal.methods.engine import plan
-from photonormal.methods.engine.workers import side_by_side
 from photonormal.methods.inputs.blocks import blocks
 from photonormal.methods.inputs.grey import Levels, grey_samples, metallic, telling
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.progress import progress
 from photonormal.types import Capture
 

@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from photonormal.methods.inputs.workers import side_by_side
+
 BLOCK = {"cpu": 2**18, "cuda": 2**22}  # samples solved at a time: bounds memory; on the processor they fit its cache
 
 
@@ -23,9 +25,12 @@ def every_pixel(
     keep: Bool[Tensor, "p n"],
     L: Float[Tensor, "*l n 3"],
 ) -> Float[Tensor, "p 3"]:
-    """``fit(I, keep, L)`` block by block, in the precision and on the device of the lights."""
-    found = [fit(I[s].to(L), keep[s].to(L.device), seen_from(L, s)) for s in blocks(I.shape[0], I.shape[1], L.device)]
-    return torch.cat(found)
+    """``fit(I, keep, L)`` of blocks side by side, in the precision and on the device of the lights."""
+
+    def found(s: slice) -> Tensor:
+        return fit(I[s].to(L), keep[s].to(L.device), seen_from(L, s))
+
+    return torch.cat(side_by_side(found, blocks(I.shape[0], I.shape[1], L.device), L.device))
 
 
 def seen_from(L: Float[Tensor, "*l n 3"], some: slice | Tensor) -> Float[Tensor, "*q n 3"]:

@@ -17,6 +17,7 @@ from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals
 from photonormal.methods.uncalibrated.shown import Shown
 from photonormal.methods.uncalibrated.untold import shape_of_lights
 from photonormal.progress import progress
+from photonormal.resources import by_one_thread
 from photonormal.types import Capture
 
 TURNED = 0.2  # standard deviation of a turn of all given lights about the view axis, radians
@@ -50,6 +51,7 @@ ASKED = Proof(0.2, 0.98, 0.0)
 UNASKED = Proof(0.08, 0.6, 1.5)  # a broad sheen on a flat relief moves right lights by 2 to 4 degrees, unevenly
 
 
+@by_one_thread()
 def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
     """The capture's own distant lights, mended: each is turned to where the photographs speak for.
 

@@ -12,6 +12,7 @@ from photonormal.methods.uncalibrated.albedo import unshaded
 from photonormal.methods.uncalibrated.frame import Believed, curl, facing, settled
 from photonormal.methods.uncalibrated.highlights import highlights
 from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.resources import by_one_thread
 from photonormal.shading import angle_deg, cosines, normalised
 
 SPREAD = 0.1  # of a sample over its albedo, beyond which it loses weight: a highlight, or a shadow
@@ -26,6 +27,7 @@ SETTLED_DEG = 0.6  # and from which on, in the last round, lights and normals co
 REWEIGHTED = 6
 
 
+@by_one_thread()
 def rounds(
     shown: Shown, L: Float[Tensor, "n 3"], believed: Believed, unknown: bool = False
 ) -> tuple[Tensor, Tensor, float]:

@@ -2,7 +2,7 @@
 
 import torch
 
-from photonormal.methods.engine.workers import side_by_side
+from photonormal.methods.inputs.workers import side_by_side
 from photonormal.methods.learned.processor import computing_in, number_format
 
 CPU = torch.device("cpu")

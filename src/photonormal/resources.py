@@ -99,15 +99,13 @@ def by_one_thread() -> Iterator[None]:
     steps themselves where other programs run, too.
     """
     torch = sys.modules.get("torch")
-    threads = torch.get_num_threads() if torch else 1
+    use, threads = (torch.set_num_threads, torch.get_num_threads()) if torch else (lambda _: None, 1)
     with threadpool_limits(1, user_api="blas"):
-        if threads > 1:
-            torch.set_num_threads(1)
+        use(1)
         try:
             yield
         finally:
-            if threads > 1:
-                torch.set_num_threads(threads)
+            use(threads)
 
 
 def in_threads(f: Callable[[S], T], items: Iterable[S], threads: int) -> list[T]:

@@ -1,6 +1,6 @@
 """Depth that may jump: X. Cao, H. Santo, B. Shi, F. Okura, Y. Matsushita, "Bilateral normal integration", ECCV 2022.
 
-Written from the paper's equations; the last rounds are our own.
+Written from the paper's equations; the start and the last rounds are our own.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from photonormal.types import InputError, Normals, Surface
 ENDS = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])  # first and second pixels of the edges along x, along y
 CLEAR = 14.0  # no side is trusted by less than e^-14, so that parts of the surface stay in touch
 STILL = 1e-3  # pixels by which the surface moves in a round that is the last
+CURL_DEG = 0.3  # error of normals, from whose curl on slopes count as no surface's
+DOUBTED = np.float32(1e-4)  # trust in edges of no surface
 HELD = np.float32(1e-6)  # weight by which every edge keeps its step where combined equations tell next to nothing
 
 Along = Float[np.ndarray, "_ _"]
@@ -34,7 +36,10 @@ class Bilateral:
 
     At pixel i the surface is differentiable from one side at least: a D+ z = b towards the next pixel has weight
     w = sigmoid(k ((a D- z)^2 - (a D+ z)^2)), a D- z = b towards the last one has 1 - w (a missing neighbour counts as
-    no step). Weighted least squares and weights alternate, from w = 1/2. At a jump both pixels look away from it.
+    no step). Weighted least squares and weights alternate. At a jump both pixels look away from it. They begin with
+    w = 1/2 times the trust in each edge: slopes around four pixels of a surface add up to nothing, and next to a jump
+    whose height changes they don't. Without that a jump pulls at what leads around it until it breaks there, as at a
+    bowl's narrow rim.
 
     These equations find the jumps, but are of first order where the surface bends, and take a normal at grazing view,
     which tells little of its slope, nearly as seriously as any other. In the last rounds (`combined`) an edge has one
@@ -70,7 +75,7 @@ class Bilateral:
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
         slopes = Slopes(normals, K, self.grazing)
         equations = Equations(slopes, self.k)
-        z, energy = np.zeros(equations.shape), np.inf
+        z, energy = equations.begun().solved(np.zeros(equations.shape), tolerance=1e-3, most=30), np.inf
         for _ in range(self.rounds):
             before, (system, energy) = energy, equations.one_sided(z)
             if abs(before - energy) <= self.tolerance * energy:
@@ -177,6 +182,52 @@ class Equations:
             b = self.b[axis, part]
             values = dz, w[i] * known, (1 - w[j]) * known, a[i], a[j], b[i], b[j]
             yield Edges(axis, rows, *(v[own] for v in values))
+
+    def curl(self) -> Float[np.ndarray, "h1 w1"]:
+        """Squared, of the slopes around four pixels, over what errors of CURL_DEG make of it; infinite off the mask.
+
+        A slope is (b_i + b_j) / (a_i + a_j), exact on planes and spheres. In [y, x] is the one above and to the left of
+        pixel y, x.
+        """
+        h, w = self.shape
+        found = np.full((h + 1, w + 1), np.inf, np.float32)
+
+        def fill(rows: slice) -> None:
+            part = slice(rows.start, rows.stop + 1)
+            mask, a = self.mask[part], self.a[part]
+            curl, variance = (np.zeros((len(a) - 1, w - 1), np.float32) for _ in range(2))
+            for axis, (i, j) in enumerate(ENDS):
+                first, second = ENDS[1 - axis]  # of two edges side by side
+                length = a[i] + a[j]
+                slope = (self.b[axis, part][i] + self.b[axis, part][j]) / length
+                own = 2 * (1 + slope**2) / length**2
+                curl += (-1) ** axis * (slope[second] - slope[first])
+                variance += own[first] + own[second]
+            off = curl**2 / (np.radians(CURL_DEG) ** 2 * variance)
+            inside = mask[:-1, :-1] & mask[:-1, 1:] & mask[1:, :-1] & mask[1:, 1:]
+            np.copyto(found[1:-1, 1:-1][rows], off, where=inside, casting="same_kind")
+
+        each_band(fill, h - 1, w - 1)
+        return found
+
+    def begun(self) -> System:
+        """The least squares of all equations, whose two sides count alike, by the trust in each edge.
+
+        That goes by the less of the two curls beside it: an edge that runs along a jump has another one.
+        """
+        system, curl, flat = System.empty(self.shape), self.curl(), np.zeros(self.shape, np.float32)
+
+        def fill(rows: slice) -> None:
+            begin = max(rows.start - 1, 0)
+            here = curl[begin : rows.stop + 1]
+            beside = np.minimum(here[:-1, 1:-1], here[1:, 1:-1]), np.minimum(here[1:, :-1], here[1:, 1:])
+            for e in self.edges(flat, rows):
+                trust = 1 / (1 + beside[e.axis][: len(e.dz)]) + DOUBTED
+                wi, wj = trust * e.wi * e.ai, trust * e.wj * e.aj
+                system.add(e, wi * e.ai + wj * e.aj, wi * e.bi + wj * e.bj)
+
+        each_band(fill, *self.shape)
+        return system
 
     def moved(self, before: Float[np.ndarray, "h w"], z: Float[np.ndarray, "h w"]) -> float:
         """How far, on average."""

@@ -67,6 +67,7 @@ def test_what_is_too_small_is_told(allow):
     allow(1e8)
     with pytest.raises(InputError, match=r"a band of 64 rows of 64 pixels .* needs .* such as --memory"):
         plan.tile(net, 2, 1, CPU, LARGE, 8)
+    allow(2e8)
     assert plan.tile(net, 2, 1, CPU, (96, 96), 8) == ((96, 96), 96)  # what is small is seen as a whole
     allow(1e4)
     with pytest.raises(InputError, match=r"a row of 160 pixels .* needs .* such as --memory"):

@@ -17,7 +17,8 @@ SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in ea
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 KEPT = 896  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
 BAND = 2368  # bytes of each pixel of such rows while they are read
-FOUND = 32  # bytes of each pixel of the box, for what is found of it: it lies beside the windows
+LOADED = 350 * 10**6  # bytes of Python and its libraries
+FOUND = 40  # bytes of each pixel of the box, for what is found of it: it lies beside the windows
 BLOCK = 2**17  # pixels of such rows that are looked at together, about
 ROWS = 128  # such rows, about, where a picture is wide
 TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
@@ -71,7 +72,8 @@ def _band(
     def needed(wide: int, rows: int) -> float:
         return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
 
-    allowed, rows = max(memory.allowed() - FOUND * h * w, memory.allowed() // 2), block(box, net.stride)
+    beside, rows = LOADED + FOUND * h * w, block(box, net.stride)
+    allowed = max(memory.allowed() - beside, memory.allowed() // 2)
     if device.type != "cpu":
         return w, rows * max(1, SIDE["cuda"] ** 2 // w // rows)
     least = max(net.stride, _down(rows // 2, net.stride))

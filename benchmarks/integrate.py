@@ -2,13 +2,13 @@
 
     python benchmarks/integrate.py --data FOLDER
 
-Mean absolute depth error (mm) over the mask that comes with the depth; each object is one connected part.
-Perspective: after one scale factor, the one that minimises this error. Orthographic: after a scale and an offset by
-least squares, since heights are in pixels and have no origin; what remains is mostly that the camera was not
-orthographic. The principal point of K.txt moves with the crop. `bilateral (paper)` is without our last rounds. Seconds
-are processor time of the whole call, the best of three. The second table is a smooth surface in an ellipse. The third
-is of rendered solids whose depth jumps, with true normals: mean absolute error in pixels after the best offset, beside
-`BiNI's equations`, a plain program of what its paper says. Without `--data` the first table is left out.
+Mean absolute depth error (mm) over the mask that comes with the depth; each object is one connected part. Perspective:
+after one scale factor, the one that minimises this error. Orthographic: after a scale and an offset by least squares,
+since heights are in pixels and have no origin; what remains is mostly that the camera was not orthographic. The
+principal point of K.txt moves with the crop. `bilateral (one-sided)` is without our last rounds. Seconds are processor
+time of the whole call, the best of three. The second table is a smooth surface in an ellipse. The third is of rendered
+solids whose depth jumps, with true normals: mean absolute error in pixels after the best offset, beside `BiNI's
+equations`, a plain program of what its paper says. Without `--data` the first table is left out.
 
 Parts that meet at jumps alone may lie anywhere, so that a scene's error says much of its view and little of the method.
 `--views 5` turns each scene five times at random and prints how many of the views `bilateral` finds better than BiNI's
@@ -42,7 +42,7 @@ import photonormal as pn
 from photonormal.capture.images import read_mask
 from photonormal.integration import METHODS
 
-ROWS = {method: (method, {}) for method in METHODS} | {"bilateral (paper)": ("bilateral", {"combined": 0})}
+ROWS = {method: (method, {}) for method in METHODS} | {"bilateral (one-sided)": ("bilateral", {"combined": 0})}
 JUMPS = ("quadratic", "bilateral")  # methods of the rendered scenes
 JUMP = 3.0  # pixels
 VERSION = """

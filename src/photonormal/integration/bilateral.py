@@ -52,7 +52,7 @@ class Bilateral:
     grazing : least cosine between a normal and its viewing ray, (0, 1)
     tolerance : relative change of the energy at which the alternation stops, if the surface has not come to rest before
     rounds : most alternations
-    combined : rounds of the combined equations; 0 gives the paper's method
+    combined : rounds of the combined equations; with 0 only the start is not the paper's
     outlier_deg : error of a normal, above 0, from which on an edge counts as contradicted
     """
 

@@ -29,7 +29,7 @@ from photonormal.types import Camera, Lamps
 MATT = {"materials": (0.0, 0.0, 0.0, 0.0, 0.0, 1.0)}
 CASES = {  # changes of the recipe "lambert"
     "matt, smooth, convex": {},
-    "matt, any shape, cast shadows": {"shapes": (0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.0), "shadows": True},
+    "matt, any shape, cast shadows": {"shapes": (0.2, 0.2, 0.2, 0.2, 0.1, 0.1, 0.0, 0.0), "shadows": True},
     "any material, cast shadows": {"materials": (1.0, 0, 0, 0, 0, 0), "shadows": True},
 }
 WIDTHS = (1.0, 1.5, 3.0)

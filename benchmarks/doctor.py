@@ -26,7 +26,7 @@ import numpy as np
 import torch
 
 from photonormal.doctor import samples
-from photonormal.doctor.frame import Frame, Surface
+from photonormal.doctor.frame import Frame, LambertianFit
 from photonormal.doctor.misfit import Pixels
 from photonormal.examination import check
 from photonormal.geometry import angle_deg, normalised
@@ -354,7 +354,7 @@ def half_turn_told(right: Capture) -> bool:
     mask = right.truth.mask
     I, N = samples.read(replace(right, mask=mask)).I, right.truth.map[mask].astype(np.float64)
     b = N * np.median(I / (N @ right.lights.T).clip(0.2), axis=1, keepdims=True)
-    surface = Surface(I, b, mask, right.lights)
+    surface = LambertianFit(I, b, mask, right.lights)
     votes = [surface.shadows.vote(np.eye(3)), 0.0 if surface.outline is None else surface.outline.vote(np.eye(3))]
     return max(votes) > 0 and min(votes) >= 0
 

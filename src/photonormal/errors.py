@@ -21,3 +21,12 @@ def printable(text: str) -> str:
     if len(text) > LONGEST:
         text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def in_pixels(shape: tuple[int, ...]) -> str:
+    """Width and height, as people name them, of an array (h, w, ...).
+
+    >>> in_pixels((90, 96, 3))
+    '96 x 90 pixels'
+    """
+    return f"{shape[1]} x {shape[0]} pixels"

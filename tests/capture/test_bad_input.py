@@ -38,9 +38,9 @@ class TestPictures:
     @pytest.mark.parametrize(
         ("picture", "came"),
         [
-            (samples()[1:], "(23, 30)"),
-            (samples()[..., :1], "(24, 30, 1) uint16"),
-            (samples(0, np.uint8), "(24, 30, 3) uint8"),
+            (samples()[1:], "30 x 23 pixels"),
+            (samples()[..., :1], "30 x 24 pixels of one channel, 16-bit samples"),
+            (samples(0, np.uint8), "30 x 24 pixels of 3 channels, 8-bit samples"),
         ],
     )
     def test_of_two_kinds(self, folder, picture, came):
@@ -110,7 +110,7 @@ class TestMask:
     def test_of_another_size(self, folder):
         write_picture(folder / "mask.png", MASK[:, 1:].astype(np.uint8))
         message = refusal(load, folder)
-        assert "(24, 29)" in message and "(24, 30)" in message
+        assert "29 x 24 pixels" in message and "30 x 24 pixels" in message
 
     def test_empty(self, folder):
         write_picture(folder / "mask.png", 0 * MASK.astype(np.uint8))

@@ -137,21 +137,21 @@ class TestSums:
 
     def test_parts_of_two_sizes(self, tmp_path, paths):
         small = write_picture(tmp_path / "small.png", samples()[:20])
-        assert "(20, 30) but (24, 30) is needed" in refusal(ImageFiles, [(paths[0], small)], None, ONE[:1])
+        assert "30 x 20 pixels but 30 x 24 pixels are needed" in refusal(ImageFiles, [(paths[0], small)], None, ONE[:1])
 
 
 @pytest.mark.parametrize(
     ("other", "came"),
     [
-        (samples()[:, :29], "(24, 29)"),
-        (samples()[..., :1], "(24, 30, 1) uint16"),
-        (samples(0, np.uint8), "(24, 30, 3) uint8"),
+        (samples()[:, :29], "29 x 24 pixels"),
+        (samples()[..., :1], "30 x 24 pixels of one channel, 16-bit samples"),
+        (samples(0, np.uint8), "30 x 24 pixels of 3 channels, 8-bit samples"),
     ],
 )
 def test_pictures_of_two_kinds(tmp_path, paths, other, came):
     path = write_picture(tmp_path / "other.png", other)
     message = refusal(ImageFiles([*paths, path], MASK, np.ones((5, 1))).__getitem__, 4)
-    assert came in message and "(24, 30" in message and "other.png" in message
+    assert came in message and "30 x 24 pixels" in message and "other.png" in message
 
 
 class TestMasks:

@@ -81,4 +81,4 @@ def test_a_mask_that_is_the_same_both_ways_needs_no_choice(tmp_path):
 
 
 def test_another_size_is_refused(tmp_path):
-    assert "(20, 20)" in refusal(pn.load, capture(tmp_path, np.ones((20, 20), bool), 4 * [6]))
+    assert "20 x 20 pixels" in refusal(pn.load, capture(tmp_path, np.ones((20, 20), bool), 4 * [6]))

@@ -18,9 +18,11 @@ COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import ma
     [
         ("measure", "Missing from photonormal measure: PATH --out FOLDER; see photonormal measure --help."),
         ("measure a --out b --mehtod x", "Unrecognized options: --mehtod, x; perhaps --method is meant; see"),
-        ("bench diligent x --jobs a", "--jobs can't be understood: invalid literal for int()"),
+        ("bench diligent x --jobs a", "--jobs 'a' came but a whole number is needed"),
         ("measure a --out", "Missing value for argument '--out'. Expected 1 values; see"),
-        ("measuer", "Unrecognized options: measuer; Available subcommands: measure, score"),
+        ("measure a --out b --ring eight", "--ring 'eight' came but a whole number is needed; correct it."),
+        ("measure a --out b --mm-per-px 0,1", "--mm-per-px '0,1' came but a number is needed; correct it."),
+        ("measuer a", "no command 'measuer'; perhaps measure is meant; choose from measure, score"),
         ("", "Expected one of {measure, score"),
     ],
 )

@@ -52,6 +52,23 @@ def test_a_right_capture_is_left_alone(right):
     assert check(right) == []
 
 
+def test_an_inverted_mask_is_told_and_nothing_else_is_judged(right):
+    ground = replace(right, images=np.asarray(right.images) + 0.004, mask=~right.mask, truth=None)
+    found = check(ground)
+    assert [f.kind for f in found] == ["mask"] and found[0].grave and "invert" in found[0].message
+
+
+def test_a_dark_object_on_a_bright_ground_is_no_inverted_mask(right):
+    images = np.where(right.mask[..., None], 0.05 * np.asarray(right.images), 0.5)
+    assert "mask" not in kinds(replace(right, images=images.astype(np.float32)))
+
+
+@pytest.mark.parametrize(("flip", "frame"), [([1, -1, 1], "directx"), ([1, 1, -1], "z-away"), ([1, -1, -1], "y-down")])
+def test_a_frame_that_has_a_name_is_named(right, flip, frame):
+    found = [f for f in check(replace(right, lights=right.lights * flip)) if f.kind == "frame"]
+    assert f"--frame {frame} in place of opengl" in found[0].message
+
+
 @pytest.mark.parametrize(
     ("lights", "says"),
     [

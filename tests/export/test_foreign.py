@@ -251,7 +251,7 @@ class TestRefused:
 
     def test_a_mask_of_another_size(self, tmp_path):
         path = write_picture(tmp_path / "n.png", encoded(TRUTH.map))
-        assert "the mask is (3, 3)" in refusal(load_normals, path, mask=np.ones((3, 3), bool))
+        assert "the mask has 3 x 3 pixels" in refusal(load_normals, path, mask=np.ones((3, 3), bool))
 
 
 def test_commands_print_the_share_and_take_a_mask(tmp_path, capsys):

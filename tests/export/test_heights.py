@@ -92,7 +92,7 @@ def test_a_texture_colours_a_mesh(tmp_path):
     line = next(x for x in (tmp_path / "m.obj").read_text().splitlines() if x.startswith("v "))
     np.testing.assert_allclose(np.array(line.split()[4:], float) * 255, [200, 100, 50], atol=0.01)
     write_picture(tmp_path / "small.png", texture[:9])
-    assert "is needed" in refusal(read_colours, tmp_path / "small.png", BALL.mask.shape)
+    assert "are needed" in refusal(read_colours, tmp_path / "small.png", BALL.mask.shape)
 
 
 def test_a_tile_has_no_seams(tmp_path):

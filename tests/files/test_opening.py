@@ -92,7 +92,7 @@ def test_more_memory_is_allowed_on_asking(tmp_path, little):
 def test_a_mask_of_another_size_is_not_decoded(tmp_path):
     folder = write_folder(tmp_path / "owl")
     (folder / "mask.png").write_bytes(png_of(5000, 5000))
-    assert "(5000, 5000) but (24, 30) is needed" in refusal(pn.load, folder)
+    assert "5000 x 5000 pixels but 30 x 24 pixels are needed" in refusal(pn.load, folder)
 
 
 def test_arrays_larger_than_memory_allows_are_not_unpacked(tmp_path, little):

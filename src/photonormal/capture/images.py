@@ -13,7 +13,7 @@ from photonormal.capture.encoding import LINEAR, Encoding
 from photonormal.capture.store import Framed
 from photonormal.files.decode import decode, decode_all, frame_of, full_scale
 from photonormal.masked import box_of
-from photonormal.types import Image, InputError
+from photonormal.types import Image, InputError, in_pixels
 
 
 @dataclass(frozen=True)
@@ -142,9 +142,9 @@ class ImageFiles:
         samples = _decode(self.pictures[j], self.frame)
         if samples.shape != self.shape[1:] or samples.dtype != self.dtype:
             raise InputError(
-                f"picture {parts(self.pictures[j])[0]} is {samples.shape} {samples.dtype} but "
-                f"{name_of(self.pictures[0])} is {self.shape[1:]} {self.dtype}; all pictures of a capture need "
-                "one size, one number of channels and one bit depth."
+                f"picture {parts(self.pictures[j])[0]} has {_described(samples.shape, samples.dtype)} but "
+                f"{name_of(self.pictures[0])} has {_described(self.shape[1:], self.dtype)}; all pictures of a capture "
+                "need the same, so export them alike, or choose those that are with --images."
             )
         self._refuse_equal(j, samples[self.box])
         return samples[self.box]
@@ -216,3 +216,9 @@ def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarra
         names = ", ".join(f"{path} {f.shape}" for path, f in zip(parts(picture), files, strict=True))
         raise InputError(f"the parts of a picture differ in size ({names}) but are added; export them again.")
     return np.sum([f / np.float32(full_scale(f)) for f in files], axis=0)
+
+
+def _described(shape: tuple[int, ...], kind: np.dtype) -> str:
+    """What the samples of a picture are, in words."""
+    samples = f"{8 * kind.itemsize}-bit {'samples' if kind.kind == 'u' else 'floating-point samples'}"
+    return f"{in_pixels(shape)} of {'one channel' if shape[2] == 1 else f'{shape[2]} channels'}, {samples}"

@@ -24,6 +24,8 @@ def read_lines(path: Path) -> list[str]:
     wide = _utf_16(data)
     text = data.decode(wide, "replace") if wide else data.decode("utf-8-sig", "surrogateescape")
     text = text.rstrip("\x1a\0 \r\n")  # DOS ended files by control-Z
+    if "\0" in text:
+        raise InputError(f"{path} is no text but a text file is needed; save it as text, or name another.")
     return [line.strip() for line in re.split(r"[\r\n]+", text) if line.strip()]
 
 

@@ -8,10 +8,15 @@ import re
 import sys
 import tempfile
 import traceback
+from difflib import get_close_matches
 
 import photonormal
 
 LONGEST = 300  # characters of a line
+NO_NUMBER = (  # of an option that must be one, or may be left out
+    r"(?:could not convert string to float: |(invalid literal)[^']*|no type matching \{None\}\|(FLOAT|INT) could be "
+    r"instantiated from \[)'(.*?)'"
+)
 
 
 def one_line(box: str) -> str:
@@ -26,7 +31,15 @@ def one_line(box: str) -> str:
         elif brief and not brief.startswith(("Argument helptext", "For full helptext")):
             said.append(re.sub(r" *\(required\)|[.: ]+$", "", brief))
     see = re.search(r"photonormal[\w ]* --help", " ".join(box.replace("│", "").split()))
-    message = re.sub(r"^Error parsing (\S+): ", r"\1 can't be understood: ", "; ".join(said)) or "wrong options"
+    told = "; ".join(said)
+    if wrong := re.match(rf"Error parsing (\S+): {NO_NUMBER}", told):
+        needed = "a whole number" if wrong[2] or wrong[3] == "INT" else "a number"
+        return f"{wrong[1]} {wrong[4][:LONGEST]!r} came but {needed} is needed; correct it."
+    if unknown := re.match(r"Unrecognized options: ([^-,;][^,;]*).*; Available subcommands: (.*)", told):
+        known = unknown[2].split(", ")
+        close = "".join(f"; perhaps {name} is meant" for name in get_close_matches(unknown[1], known, 1))
+        return f"no command {unknown[1][:LONGEST]!r}{close}; choose from {', '.join(known)}."
+    message = re.sub(r"^Error parsing (\S+): ", r"\1 can't be understood: ", told) or "wrong options"
     return f"{message[:LONGEST]}{meant}; see {see.group() if see else 'photonormal --help'}."
 
 

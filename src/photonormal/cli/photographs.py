@@ -52,7 +52,8 @@ class LightOptions:
     """Where the lights are, and how bright."""
 
     lights: File = None
-    """File with light directions, instead of the capture's own: .lp, .csv, .txt, .npy, .mat, .dome, .relight, .json;
+    """File with light directions, instead of the capture's own: .lp, .csv, .txt, .npy, .npz, .mat, .dome, .relight,
+    .json;
     or `unknown`: directions and intensities are found from the photographs."""
     lights_as: Annotated[
         Literal["", "directions", "angles", "azimuth-elevation"], shown("{directions,angles,azimuth-elevation}")

@@ -29,6 +29,8 @@ def check(capture: Capture) -> list[Finding]:
     I, mask = samples.on_object(s)
     white = exposure.saturation(s, capture)
     found += [*white, *exposure.darkness(I, names), *exposure.bits(s, I, capture), *samples.no_mask(s.mask, mask)]
+    if swapped := samples.inverted(capture.mask, s):
+        return [*swapped, *found]
     height, width = capture.mask.shape
     if lie_otherwise := turned.turned(s.small, s.middle, height == width, names):
         return sorted([*found, *lie_otherwise], key=lambda f: not f.grave)

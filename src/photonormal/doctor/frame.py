@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 from photonormal.curl import Curl
 from photonormal.doctor.finding import Finding
 from photonormal.doctor.shadows import CastShadows
+from photonormal.geometry import FRAMES, from_frame
 from photonormal.outline import Outline
 
 SNAP_DEG, AS_GOOD = 20, 1.05  # a turn is a multiple of 45 degrees where one so near has a curl as low, up to a factor
@@ -177,7 +178,9 @@ def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] 
     if away:
         what = ["z of the lights is flipped (the normals point away from the camera)", *what]
     numbers = verdict.numbers | {"frame": ", and ".join(what), "half_turn_told": verdict.half}
-    todo = "x is right, y up and z to the camera here, so correct the lights' file, or use --frame."
+    known = next((name for name in FRAMES if np.allclose(from_frame(np.eye(3), name), M)), None)
+    other = f"--frame {known} in place of opengl" if verdict.half and known else "--frame"
+    todo = f"x is right, y up and z to the camera here, so correct the lights' file, or use {other}."
     if not verdict.half:
         todo += (
             " Whether x and y have to change sign as well the shading doesn't tell, since a flat relief looks the same "

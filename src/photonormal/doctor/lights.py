@@ -85,7 +85,7 @@ def _reordered(
     right = given.reordered(order).turned(verdict.frame.matrix())
     sure = orders.sure(order) and (verdict.half or not also)
     if sure:
-        todo = ", or use the corrected one"
+        todo = ", or use the corrected one, which `photonormal check FOLDER --out report` writes"
     elif verdict.half or not also:
         todo = "; others fit nearly as well, so no corrected one is written"
     else:

@@ -17,6 +17,7 @@ MARGIN = 8  # pixels kept around the mask
 SMALL = 300  # longest side of the pictures that tell motion
 GROUND = 0.15  # of the object's brightness, below which the ground around it is dark
 CUT_OFF = 0.7  # part of the frame's rim that is object, as part of the frame that is, above which it is none
+ROUND = 0.95  # of the frame's rim on the mask, from which on it is the ground that is marked, if that is dark
 CAP = 0.995  # quantile of all samples above which they are cut: highlights say nothing of the order
 
 
@@ -112,6 +113,26 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
     if mask.all() or np.median(level[~mask.ravel()]) > GROUND * np.median(level[mask.ravel()]):
         return samples.I, samples.mask  # paint, or a shining spot
     return samples.I[mask.ravel()], mask
+
+
+def inverted(mask: Bool[np.ndarray, "h w"], samples: Samples) -> list[Finding]:
+    """Where the mask marks what lies around the object: it goes round the frame, dark beside what it leaves out."""
+    import cv2
+
+    edge = np.ones_like(mask)
+    edge[1:-1, 1:-1] = False
+    level = samples.small.mean(axis=0)  # (a, b), of the whole frame where its rim is on the mask
+    small = cv2.resize(mask.astype(np.uint8), level.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    if mask.all() or mask[edge].mean() < ROUND or not 0 < small.mean() < 1:
+        return []
+    marked, left = float(np.quantile(level[small], 0.9)), float(np.median(level[~small]))
+    if marked > GROUND * left:
+        return []
+    message = (
+        f"the mask looks inverted: what it marks goes round the frame and is {left / max(marked, 1e-9):.0f} times as "
+        "dark as what it leaves out; white has to mark the object, so invert the mask, or name another with --mask."
+    )
+    return [Finding("mask", True, message, {"marked_over_left": round(marked / left, 4)})]
 
 
 def no_mask(given: Bool[np.ndarray, "h w"], judged: Bool[np.ndarray, "h w"]) -> list[Finding]:

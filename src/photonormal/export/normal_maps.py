@@ -20,7 +20,7 @@ from photonormal.files.opening import read_npz
 from photonormal.files.remarks import remark
 from photonormal.geometry import FRAMES, from_frame, in_frame, known_frame
 from photonormal.png import by_rows, text
-from photonormal.types import InputError, Normals
+from photonormal.types import InputError, Normals, in_pixels
 
 FRAME = "photonormal-frame"  # the remark in a file that tells the frame of its normals
 
@@ -107,7 +107,9 @@ def read(
         known_frame(told)
         frame = told
     if mask is not None and mask.shape != samples.shape[:2]:
-        raise InputError(f"the mask is {mask.shape} but {path} is {samples.shape[:2]}; give one of its size.")
+        raise InputError(
+            f"the mask has {in_pixels(mask.shape)} but {path} {in_pixels(samples.shape)}; give one of its size."
+        )
     if ours is None:
         found = foreign.judged(samples, path, frame, channels, mask, partial, notes.append)
     else:

@@ -16,7 +16,7 @@ from photonormal.files import memory
 from photonormal.files.chatter import heard
 from photonormal.files.header import Header, damaged
 from photonormal.files.opening import open_file, reason_of, size_of
-from photonormal.types import InputError
+from photonormal.types import InputError, in_pixels
 
 RAW = {".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef"}
 KINDS = {  # suffix -> module, imported when it is needed
@@ -96,8 +96,8 @@ def pages_of(path: Path) -> int:
 def _same_frame(header: Header, frame: tuple[int, int] | None, path: Path) -> None:
     if frame is not None and (header.height, header.width) != tuple(frame):
         raise InputError(
-            f"picture {path} is {header.height, header.width} but {tuple(frame)} is needed, as the other pictures of "
-            "the capture are; export it with the same frame."
+            f"picture {path} has {in_pixels((header.height, header.width))} but {in_pixels(frame)} are needed, as the "
+            "other pictures of the capture have; export it with the same frame."
         )
 
 

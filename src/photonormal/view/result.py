@@ -23,7 +23,7 @@ from photonormal.masked import box_of
 from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
 from photonormal.scoring import error_map_deg
 from photonormal.stored import read_json
-from photonormal.types import Capture, InputError, Normals, Surface
+from photonormal.types import Capture, InputError, Normals, Surface, in_pixels
 from photonormal.view.planes import Plane, degrees_plane, height_plane, normals_plane, plane
 
 AGAIN = "measure again"
@@ -237,8 +237,8 @@ def photographs_of(
         found = load(source, **report.get("reading", {}))
         if found.mask.shape != shape:
             raise InputError(
-                f"{source} holds photographs of {found.mask.shape} but the normals are {shape}; give those that were "
-                "measured."
+                f"{source} holds photographs of {in_pixels(found.mask.shape)} but the normals have {in_pixels(shape)}; "
+                "give those that were measured."
             )
         if lit := report.get("found_lights"):
             found = lit_by(found, lit)

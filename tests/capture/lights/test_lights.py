@@ -48,6 +48,10 @@ def directions(vectors: np.ndarray) -> np.ndarray:
         "name,z,y,x,lamp\n" + "\n".join(",".join([n, *r[::-1], "7"]) for n, r in zip(NAMES, ROWS, strict=True)),
         "name  x  y  z  lamp\n" + rows(" ", count=None, end=" 7"),
         rows(" ", names=[f'"{n}"' for n in NAMES]),
+        "x;y;z;file\n" + "\n".join(";".join([*row, n]) for n, row in zip(NAMES, ROWS, strict=True)),
+        "\n".join(",".join([*row, n]) for n, row in zip(NAMES, ROWS, strict=True)),
+        "no,file,z,y,x\n" + "\n".join(f"7,{n},{','.join(r[::-1])}" for n, r in zip(NAMES, ROWS, strict=True)),
+        "\n".join(f"{k}\t{n}\t" + "\t".join(r) for k, (n, r) in enumerate(zip(NAMES, ROWS, strict=True))),
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
@@ -86,7 +90,8 @@ def test_arrays(tmp_path):
     np.save(tmp_path / "b.npy", LIGHTS.T)
     savemat(tmp_path / "c.mat", {"mu": np.ones((4, 1)), "S": 300 * LIGHTS})
     savemat(tmp_path / "d.mat", {"Phi": np.ones((4, 3)), "S": LIGHTS, "text": "x"})
-    for name in ("a.npy", "b.npy", "c.mat", "d.mat"):
+    np.savez(tmp_path / "h.npz", S=LIGHTS, names=np.arange(4))
+    for name in ("a.npy", "b.npy", "c.mat", "d.mat", "h.npz"):
         np.testing.assert_allclose(directions(read_lights(tmp_path / name).vectors), LIGHTS)
     assert "array S" in read_lights(tmp_path / "d.mat").notes[0]
     savemat(tmp_path / "e.mat", {"S": LIGHTS, "L": LIGHTS})
@@ -95,6 +100,20 @@ def test_arrays(tmp_path):
     assert "objects" in refusal(read_lights, tmp_path / "f.npy")
     (tmp_path / "g.npy").write_bytes(b"junk")
     assert "g.npy can't be read" in refusal(read_lights, tmp_path / "g.npy")
+    (tmp_path / "lights.dat").write_bytes(LIGHTS.tobytes())
+    assert "no text" in refusal(read_lights, tmp_path / "lights.dat")
+
+
+def test_json_may_name_pictures(tmp_path):
+    named = [{"name": n, "direction": v.tolist()} for n, v in zip(NAMES, LIGHTS, strict=True)]
+    (tmp_path / "a.json").write_text(json.dumps({"lights": named}))
+    listed = read_lights(tmp_path / "a.json")
+    assert listed.names == NAMES
+    np.testing.assert_allclose(listed.vectors, LIGHTS)
+    (tmp_path / "a.json").write_text(json.dumps({"lights": [*named[:3], {"direction": [0, 0, 1]}]}))
+    assert "names 3 of its 4 lights" in refusal(read_lights, tmp_path / "a.json")
+    (tmp_path / "a.json").write_text(json.dumps(LIGHTS.tolist()))
+    assert '"direction": [x, y, z]' in refusal(read_lights, tmp_path / "a.json")
 
 
 class TestAngles:

@@ -14,7 +14,7 @@ from photonormal.types import InputError
 
 TEXT = "photonormal.capture.lights.rows"  # `.lp`, `.csv`, `.txt` and whatever else
 KINDS = {  # suffix -> module
-    **dict.fromkeys((".npy", ".mat"), "photonormal.capture.lights.arrays"),
+    **dict.fromkeys((".npy", ".npz", ".mat"), "photonormal.capture.lights.arrays"),
     **dict.fromkeys((".dome", ".relight"), "photonormal.capture.lights.relight"),
     ".json": "photonormal.capture.lights.alicevision",
 }

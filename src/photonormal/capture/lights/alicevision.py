@@ -2,7 +2,8 @@
 
     {"lights": [{"viewId": "17", "type": "directional", "direction": ["0.3", ...], "intensity": ["1", ...]}, ...]}
 
-Its own frame has y down and z away from the camera: --frame y-down. It lists lights in the order of its views' numbers,
+Others write `name`, the picture's, in place of `viewId`. AliceVision's own frame has
+y down and z away from the camera: --frame y-down. It lists lights in the order of its views' numbers,
 which are made of the pictures' content.
 """
 
@@ -21,6 +22,11 @@ from photonormal.capture.texts import positive
 from photonormal.stored import read_json
 from photonormal.types import InputError
 
+NEEDED = (
+    '{"lights": [{"direction": [x, y, z]}, ...]} is needed, in the pictures\' order or each with a "name"; '
+    "or save the lights as text, `name x y z` in each line"
+)
+
 
 class Light(msgspec.Struct):
     """One light; numbers may be text."""
@@ -28,6 +34,7 @@ class Light(msgspec.Struct):
     direction: list[Any]
     type: str = "directional"
     viewId: str | int | None = None
+    name: str | None = None
     intensity: list[Any] | float | str | None = None
 
 
@@ -39,7 +46,7 @@ class LightsFile(msgspec.Struct):
 
 def read(path: Path) -> LightTable:
     """Directions, and intensities where all lights tell theirs."""
-    lights = read_json(path, LightsFile, "a list of lights with directions is needed").lights
+    lights = read_json(path, LightsFile, NEEDED).lights
     if any(light.type != "directional" for light in lights):
         raise InputError(f"{path} holds lights of type {lights[0].type} but directional ones are needed; export those.")
     numbers = np.array([vector(light.direction, path) for light in lights])
@@ -58,4 +65,9 @@ def read(path: Path) -> LightTable:
         notes = (
             f"{path.name} has its lights in the order of AliceVision's views: see that the pictures have it, too.",
         )
-    return LightTable([], numbers, ("x", "y", "z"), intensities, notes)
+    names = [light.name for light in lights if light.name]
+    if names and len(names) < len(lights):
+        raise InputError(
+            f"{path} names {len(names)} of its {len(lights)} lights but all or none is needed; correct it."
+        )
+    return LightTable(names, numbers, ("x", "y", "z"), intensities, notes)

@@ -5,7 +5,7 @@
     ...
 
 Cells are separated by semicolons or tabs, commas, or white space (numbers may have decimal commas then). The first
-line may say what the columns are; further columns and remarks after # are left out.
+line may say what the columns are; further columns and remarks after # are left out. Names may stand in another column.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from photonormal.types import InputError
 COUNT = re.compile(r'"?([0-9]{1,9})"?[\s,;]*')
 REMARK = re.compile(r"(^|\s)(#|//|%)")
 NAMED = re.compile(rf'"?(.*(?:{"|".join(map(re.escape, sorted(SUFFIXES)))}))"?(?=[\s,;]|$)(.*)', re.IGNORECASE)
+NAME = re.compile(rf'[^;,\t]*(?:{"|".join(map(re.escape, sorted(SUFFIXES)))})"?', re.IGNORECASE)
 NUMBER_OF_ROW = re.compile(
     r"|#|no\.?|nr\.?|num(ber)?|id|idx|index|(image|picture|photo|light|file)( ?(name|number|no\.?))?"
 )
@@ -37,7 +38,8 @@ def read(path: Path) -> LightTable:
     count = COUNT.fullmatch(lines[0][1]) if lines else None
     lines = lines[1:] if count else lines
     header = _header(lines[0][1]) if lines else None
-    names, numbers = _rows(lines[1:] if header else lines, path)
+    header, rows = _names_in_front(header, lines[1:] if header else lines)
+    names, numbers = _rows(rows, path)
     if count and int(count[1]) != len(numbers):
         raise InputError(
             f"{path} says {int(count[1])} pictures but lists {len(numbers)}; correct its first line or the list."
@@ -52,6 +54,26 @@ def read(path: Path) -> LightTable:
     elif columns:  # the first has no word
         columns = [""] * (width - len(columns)) + columns[-width:]
     return _with_row_numbers(LightTable(names, numbers, tuple(columns)))
+
+
+def _names_in_front(
+    header: list[str] | None, lines: list[tuple[int, str]]
+) -> tuple[list[str] | None, list[tuple[int, str]]]:
+    """The same with the column of pictures' names as the first, where only numbers stand before it.
+
+    Fewer than three of them without a header are no light, but numbers of rows, and are left out.
+    """
+    for separator in SEPARATORS:
+        rows = [[cell.strip() for cell in re.split(separator, line)] for _, line in lines]
+        first = 3 if separator == SEPARATORS[-1] else 1  # white space may be a name's own
+        for j in range(first, min(map(len, rows), default=0)):
+            named = all(NAME.fullmatch(row[j]) and all(map(_is_number, row[:j])) for row in rows)
+            if named and (header is None or len(header) > j):
+                kept = 0 if header or j >= 3 else j
+                moved = [";".join([row[j], *row[kept:j], *row[j + 1 :]]) for row in rows]
+                header = header and [header[j], *header[:j], *header[j + 1 :]]
+                return header, [(k, row) for (k, _), row in zip(lines, moved, strict=True)]
+    return header, lines
 
 
 def _rows(lines: list[tuple[int, str]], path: Path) -> tuple[list[str], np.ndarray]:

@@ -199,16 +199,36 @@ def test_where_shading_agrees_with_no_lights_it_is_said(true):
     assert found.notes == (UNTOLD,) and not found.moved_deg.any()
 
 
-def low_waves(size: int) -> Normals:
-    """A relief of waves in all directions, tilted by some degrees."""
-    g = np.random.default_rng(3)
-    y, x = np.mgrid[:size, :size] * (2 * np.pi / size)
+def low_waves(size: int, steep: float = 0.3, seed: int = 3) -> Normals:
+    """A relief of waves in all directions."""
+    g = np.random.default_rng(seed)
+    y, x = np.mgrid[size:0:-1, :size] * (2 * np.pi / size)
     p, q = np.zeros((2, size, size))
     for k in range(1, 12):
         a, phase = g.uniform(0, 2 * np.pi, 2)
-        slope = 0.3 / np.sqrt(12) * np.cos(k * (np.cos(a) * x + np.sin(a) * y) + phase)
+        slope = steep / np.sqrt(12) * np.cos(k * (np.cos(a) * x + np.sin(a) * y) + phase)
         p, q = p + np.cos(a) * slope, q + np.sin(a) * slope
-    return Normals(normalised(np.stack([-p, q, np.ones_like(p)], axis=-1)).astype(np.float32))
+    return Normals(normalised(np.stack([-p, -q, np.ones_like(p)], axis=-1)).astype(np.float32), np.ones_like(p, bool))
+
+
+def turn_deg(lights: np.ndarray, others: np.ndarray) -> float:
+    """By how much the others are all turned together."""
+    U, _, Vt = np.linalg.svd(lights.T @ others)
+    R = U @ np.diag([1, 1, np.linalg.det(U @ Vt)]) @ Vt
+    return float(np.degrees(np.arccos(np.clip((np.trace(R) - 1) / 2, -1, 1))))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("steep", [0.1, 0.4])
+def test_what_a_low_relief_does_not_tell_stays_as_it_was_given(steep, seed):
+    """Normals turn with the lights, and noise has as much curl as a tilt of low slopes."""
+    relief, L = low_waves(96, steep, seed), scattered(24, seed)
+    clean = 0.4 * np.maximum(relief.map @ L.T, 0)
+    noisy = clean + np.random.default_rng(seed).normal(0, 0.002, clean.shape)
+    bad = shaken(L, 5, seed)
+    found = refined(Capture(np.moveaxis(noisy, -1, 0).clip(0).astype(np.float32), relief.mask, bad))
+    assert angle_deg(found.lights, L).mean() < 2
+    assert turn_deg(found.lights, bad) < 1 + turn_deg(bad, L)
 
 
 def test_right_lights_of_a_low_relief_with_a_broad_sheen_are_not_doubted():

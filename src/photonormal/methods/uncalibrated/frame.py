@@ -25,7 +25,9 @@ STEEP = 0.2  # z of a normal below which its slopes say nothing
 PARTS = 5  # of the object in either direction, whose disagreement tells how certain something is
 FEWEST = 100  # pixels that tell something
 STRAY = 0.7  # medians of what is left, from which on a pixel loses weight
-CURL_FLOOR = 0.015  # least standard error of what the curl says
+CURL_FLOOR = 0.003  # standard error of the curl itself at least, over the size of what it is made of
+CURL_LEAST = 0.01  # of the largest power, the power of the curl that a number makes below which it stays near zero
+CURL_NOISE = 6  # exponent of the share that noise has of a turn, by which the variance of what it says grows
 CURL_SECOND = 2.0  # and times the square of what it says, which is right to first order only
 FACING = 0.1  # standard deviation of x and y of the mean normal of an object that is seen whole
 LENGTHS_INDEPENDENT = 2.0  # of the errors of lengths against intensities, most of which shine and interreflections make
@@ -138,18 +140,31 @@ class Curl(NamedTuple):
     weight: Float[Tensor, " q"]
     whole: Bool[Tensor, "i j"]
 
+    def power(self) -> Float[Tensor, "5 5"]:
+        """How much curl the five numbers make, mean squares and products over the size of what it is made of.
+
+        On a low relief those by which all lights tilt make little, by the slopes' square: what is small beside the
+        slopes' changes, noise, shine and shadows, would pass for them.
+        """
+        J = self.J * self.weight[:, None]
+        return J.T @ J / len(J) + 1e-9 * torch.eye(5, dtype=torch.float64)
+
 
 def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> FrameEvidence | None:
     """What (1 + D), D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1], takes the curl of N's slopes away.
 
-    None where too few normals have neighbours.
+    None where too few normals have neighbours. Curl that is left is the normals' noise, which what turns them holds as
+    well: it passes for a turn. Where it is as large as what a turn by a radian makes, nothing is told.
     """
     told = curl_of(N, inside)
     if told is None:
         return None
-    theta, covariance = fitted(told.J, told.r, told.weight, part_of(told.whole))
-    floor = (CURL_FLOOR**2 + (CURL_SECOND * theta**2) ** 2).diag()
-    return FrameEvidence(of_curl(), theta, torch.linalg.inv(covariance + floor))
+    theta, covariance = fitted(told.J, told.r, told.weight, part_of(told.whole), CURL_LEAST)
+    power, left = told.power(), told.weight * (told.r - told.J @ theta)
+    noise = (1.4826 * left.abs().median()) ** 2 / power.diagonal()[[0, 2]].min()
+    covariance = covariance + CURL_FLOOR**2 * torch.linalg.inv(power)
+    covariance = covariance + ((CURL_SECOND * theta**2).square() + noise**CURL_NOISE).diag()
+    return FrameEvidence(of_curl(), theta, torch.linalg.inv(covariance))
 
 
 def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None:
@@ -184,17 +199,21 @@ def facing(N: Float[Tensor, "p 3"]) -> FrameEvidence:
 
 
 def fitted(
-    J: Float[Tensor, "q k"], r: Float[Tensor, " q"], weight: Float[Tensor, " q"], part: Tensor
+    J: Float[Tensor, "q k"], r: Float[Tensor, " q"], weight: Float[Tensor, " q"], part: Tensor, least: float = 0.0
 ) -> tuple[Float[Tensor, " k"], Float[Tensor, "k k"]]:
     """argmin sum_q -1 / (1 + (weight (r - J theta))_q^2 / spread^2), spread from a median: edges, where a surface has
-    no slopes and paint another colour, don't count. Its covariance by how much the parts disagree."""
+    no slopes and paint another colour, don't count. Its covariance by how much the parts disagree.
+
+    A number on which the sum depends less than `least` times as much as on the one that counts most stays near zero.
+    """
     eye = torch.eye(J.shape[1], dtype=torch.float64)
     theta = torch.zeros(J.shape[1], dtype=torch.float64)
     v, H = weight, eye
     for _ in range(ROUNDS):
         off = weight * (r - J @ theta)
         v = (weight / (1 + (off / (STRAY * off.abs().median().clamp(min=1e-9))) ** 2)) ** 2
-        H = (J * v[:, None]).T @ J + 1e-9 * eye
+        H = (J * v[:, None]).T @ J
+        H = H + (1e-9 + least * H.diagonal().max()) * eye
         theta = torch.linalg.solve(H, (J * v[:, None]).T @ r)
     pull = torch.zeros(PARTS**2, J.shape[1], dtype=torch.float64)
     pull.index_add_(0, part, J * (v * (r - J @ theta))[:, None])

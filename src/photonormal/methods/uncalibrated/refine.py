@@ -27,7 +27,10 @@ HALFWAY = (
     "the given lights were halfway to the right ones; their angles to the camera's axis were doubled, then mended."
 )
 ALRIGHT = "the photographs speak for no other lights than the given ones, which are kept."
-UNTOLD = "shading agrees with no lights, as on metal, and can't tell whether the given ones are right, which are kept."
+UNTOLD = (
+    "shading agrees with no lights, as on metal or in much noise, and can't tell whether the given ones are right, "
+    "which are kept."
+)
 LESS_CURL = 6.0  # of the normals, by which mended lights are taken, too: a turn of all lights changes no misfit
 
 

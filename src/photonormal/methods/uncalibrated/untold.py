@@ -15,11 +15,12 @@ CURVED_DEG = 2.0  # of normals, below which a surface is bent in one direction a
 IRREGULAR = 0.005  # least curl that a change of the lights makes, mean square, over what it is made of
 OUTWARDS = 0.5  # median of n.o along an outline where the surface turns away, o pointing outwards in the picture
 FLAT = (
-    "The surface is bent in one direction at most, like a cylinder, so the other direction of each light is uncertain."
+    "The surface is nearly flat, or bent in one direction at most, like a cylinder, so the other direction of each "
+    "light is uncertain."
 )
 REGULAR = (
-    "The surface is too regular, as a cylinder, a saddle or a few flat sides are: other lights, with another surface, "
-    "would give the same photographs; compare the result with the object."
+    "The surface is too regular, as a cylinder, a saddle, a few flat sides or a low relief are: other lights, with "
+    "another surface, would give the same photographs; compare the result with the object."
 )
 HOLLOW = (
     "Most of the outline is not where the surface turns away from the camera, so photographs don't tell a bulge from a "
@@ -36,8 +37,7 @@ def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tup
     told = curl_of(N, inside)
     if told is None:
         return ()
-    J = told.J * told.weight[:, None]
-    return () if float(torch.linalg.eigvalsh(J.T @ J / len(J))[0]) > IRREGULAR else (REGULAR,)
+    return () if float(torch.linalg.eigvalsh(told.power())[0]) > IRREGULAR else (REGULAR,)
 
 
 def side_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:

@@ -53,8 +53,7 @@ class LightOptions:
 
     lights: File = None
     """File with light directions, instead of the capture's own: .lp, .csv, .txt, .npy, .npz, .mat, .dome, .relight,
-    .json;
-    or `unknown`: directions and intensities are found from the photographs."""
+    .json; or `unknown`: directions and intensities are found from the photographs."""
     lights_as: Annotated[
         Literal["", "directions", "angles", "azimuth-elevation"], shown("{directions,angles,azimuth-elevation}")
     ] = ""

@@ -126,7 +126,7 @@ def inverted(mask: Bool[np.ndarray, "h w"], samples: Samples) -> list[Finding]:
     if mask.all() or mask[edge].mean() < ROUND or not 0 < small.mean() < 1:
         return []
     marked, left = float(np.quantile(level[small], 0.9)), float(np.median(level[~small]))
-    if marked > GROUND * left:
+    if marked >= GROUND * left:
         return []
     message = (
         f"the mask looks inverted: what it marks goes round the frame and is {left / max(marked, 1e-9):.0f} times as "

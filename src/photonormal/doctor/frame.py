@@ -104,7 +104,7 @@ class LambertianFit:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The frame that the pictures speak for, `GIVEN` where it speaks for none; `half` whether half a turn is told."""
+    """The frame that the pictures speak for, `GIVEN` where they speak for none; `half` whether half a turn is told."""
 
     frame: Frame
     half: bool

@@ -106,9 +106,7 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
     except InputError:
         return samples.I, samples.mask
     level = np.quantile(samples.I, 0.9, axis=1)
-    edge = np.ones_like(mask)
-    edge[1:-1, 1:-1] = False
-    if mask[edge].mean() > CUT_OFF * mask.mean():
+    if _on_rim(mask) > CUT_OFF * mask.mean():
         return samples.I, samples.mask  # patches of what fills the frame
     if mask.all() or np.median(level[~mask.ravel()]) > GROUND * np.median(level[mask.ravel()]):
         return samples.I, samples.mask  # paint, or a shining spot
@@ -119,11 +117,11 @@ def inverted(mask: Bool[np.ndarray, "h w"], samples: Samples) -> list[Finding]:
     """Where the mask marks what lies around the object: it goes round the frame, dark beside what it leaves out."""
     import cv2
 
-    edge = np.ones_like(mask)
-    edge[1:-1, 1:-1] = False
+    if mask.all() or _on_rim(mask) < ROUND:
+        return []
     level = samples.small.mean(axis=0)  # (a, b), of the whole frame where its rim is on the mask
     small = cv2.resize(mask.astype(np.uint8), level.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-    if mask.all() or mask[edge].mean() < ROUND or not 0 < small.mean() < 1:
+    if not 0 < small.mean() < 1:
         return []
     marked, left = float(np.quantile(level[small], 0.9)), float(np.median(level[~small]))
     if marked >= GROUND * left:
@@ -145,6 +143,13 @@ def no_mask(given: Bool[np.ndarray, "h w"], judged: Bool[np.ndarray, "h w"]) -> 
         "mask FOLDER --out FOLDER/mask.png` draws a mask, which keeps the ground out of the results."
     )
     return [Finding("mask", False, message, {"object_percent": round(part, 2)})]
+
+
+def _on_rim(mask: Bool[np.ndarray, "h w"]) -> float:
+    """Part of the frame's outermost pixels that is on a mask."""
+    edge = np.ones_like(mask)
+    edge[1:-1, 1:-1] = False
+    return float(mask[edge].mean())
 
 
 def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:

@@ -114,7 +114,10 @@ def calibrate(
     content: dict[str, Any] = {
         "photonormal": photonormal.__version__,
         "folder": Path(folder).resolve().name,
-        **_report(found, L, names, frame, focal_px),
+        "frame": frame,
+        "axes": "from the object to the light; opengl: x right, y up, z to the camera",
+        "view": "orthographic" if focal_px is None else f"perspective, focal length {focal_px:g} px",
+        **_shown(found, L, tables["table"], names),
         "warnings": warnings,
     }
     if radius_mm is not None and "positions" in files:
@@ -149,15 +152,9 @@ def _files(out: Path, positions: bool) -> dict[str, Path]:
     return files | ({"positions": out.with_name("light_positions.txt")} if positions else {})
 
 
-def _report(
-    found: Sequence[Sphere], L: np.ndarray, names: Sequence[str], frame: str, focal_px: float | None
-) -> dict[str, Any]:
-    """The spheres, and the lights `L` (n, 3) that they show together."""
-    written = in_frame(L, frame)
+def _shown(found: Sequence[Sphere], L: np.ndarray, written: np.ndarray, names: Sequence[str]) -> dict[str, Any]:
+    """The spheres, and the lights L (n, 3) that they show together, which are `written` in another frame."""
     return {
-        "frame": frame,
-        "axes": "from the object to the light; opengl: x right, y up, z to the camera",
-        "view": "orthographic" if focal_px is None else f"perspective, focal length {focal_px:g} px",
         "spheres": [
             {
                 "folder": s.where,

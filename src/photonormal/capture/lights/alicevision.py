@@ -2,9 +2,8 @@
 
     {"lights": [{"viewId": "17", "type": "directional", "direction": ["0.3", ...], "intensity": ["1", ...]}, ...]}
 
-Others write `name`, the picture's, in place of `viewId`. AliceVision's own frame has
-y down and z away from the camera: --frame y-down. It lists lights in the order of its views' numbers,
-which are made of the pictures' content.
+Others write `name`, the picture's, in place of `viewId`. AliceVision's own frame has y down and z away from the camera:
+--frame y-down. It lists lights in the order of its views' numbers, which are made of the pictures' content.
 """
 
 from __future__ import annotations

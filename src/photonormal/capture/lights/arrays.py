@@ -17,18 +17,17 @@ CALLED = ("s", "l", "lights", "light", "light_directions", "directions", "lightd
 
 def read(path: Path) -> LightTable:
     """The array, a light in each row."""
-    notes: tuple[str, ...] = ()
-    if path.suffix.lower() == ".npy":
+    kind, variable = path.suffix.lower(), None
+    if kind == ".npy":
         array = _npy(path)
+    elif kind == ".npz":
+        arrays = read_npz(path, "save the lights as an (n, 3) array", at_most=TEXT)
+        variable = _variable({name: a.shape for name, a in arrays.items()}, path)
+        array = arrays[variable]
     else:
-        if path.suffix.lower() == ".npz":
-            arrays = read_npz(path, "save the lights as an (n, 3) array", at_most=TEXT)
-            variable = _variable({name: a.shape for name, a in arrays.items()}, path)
-            array = arrays[variable]
-        else:
-            variable = _variable(shapes_of(path), path)
-            array = read_mat(path, variable)
-        notes = (f"{path.name}: the lights are its array {variable}.",)
+        variable = _variable(shapes_of(path), path)
+        array = read_mat(path, variable)
+    notes = () if variable is None else (f"{path.name}: the lights are its array {variable}.",)
     if array.ndim != 2 or not array.size or array.dtype.kind not in "iuf":
         raise InputError(f"{path} holds {array.dtype} {array.shape} but (n, 3) numbers are needed; save the lights so.")
     return LightTable([], array.astype(np.float64), notes=notes)

@@ -8,7 +8,7 @@ help:
 	@echo "make demo   install, then measure the capture that comes with the package"
 	@echo "make test   install, then run the tests"
 	@echo "make fuzz   install, then damage 10,000 captures and 2,000 stored files at random and read them"
-	@echo "make crash  kill commands 1,500 times, a batch 40 times, and a season of 300 captures, and look at what is left; takes twenty minutes of processor time or more"
+	@echo "make crash  kill commands 1,800 times, a batch 40 times, and a season of 300 captures, and look at what is left; takes twenty minutes of processor time or more"
 	@echo "make check  what a change must pass: format, lint, types, tests"
 
 $(READY): pyproject.toml constraints.txt

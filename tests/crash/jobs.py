@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import os
+import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -81,11 +84,48 @@ def replacing(job: Job, old: Work) -> Job:
 
 
 def measure(place: Path) -> Job:
-    for name, n in (("a", 8), ("b", 11)):
-        write_diligent(place / name, lambertian(sphere(40), ring(n, 60)))
+    write_captures(place, 40)
     words = ["--out", place / "result", "--method", "woodham", "--overwrite"]
     job = Job(place / "result", command("measure", place / "b", *words, "--no-mesh"), str)
     return replacing(job.place_mine(job.out, MINE), command("measure", place / "a", *words))
+
+
+def scratch(place: Path) -> Job:
+    """The same of photographs that the memory allowed does not hold: a scratch file does, of which nothing is left."""
+    write_captures(place, 150)
+    aside = place / "aside"
+    aside.mkdir()
+    words = ["--out", place / "result", "--method", "woodham", "--overwrite", "--no-mesh"]
+    new = command("measure", place / "b", *words, "--memory", "2MB")
+    job = Job(place / "result", set_aside(new, aside), str).place_mine(place / "result", SOME)
+    replacing(job, command("measure", place / "a", *words))
+    job.before()
+    refused = run(set_aside(new, aside, full=True))
+    assert refused.code == 2 and "scratch file" in refused.errors, refused.errors
+    whole = job.state
+    assert whole() == "old"
+    job.state = lambda: "broken" if any(aside.iterdir()) else whole()
+    return job
+
+
+def write_captures(place: Path, size: int) -> None:
+    """Two of the same object, of 9 and of 12 photographs."""
+    for name, n in (("a", 8), ("b", 11)):
+        write_diligent(place / name, replace(lambertian(sphere(size), ring(n, 60)), truth=None))
+
+
+def set_aside(work: Work, folder: Path, full: bool = False) -> Work:
+    """With scratch files in a folder, which may be on a full disk."""
+
+    def done() -> int:
+        from photonormal.files import memory
+
+        os.environ["TMPDIR"], tempfile.tempdir = str(folder), None
+        if full:
+            memory.shutil.disk_usage = lambda path: SimpleNamespace(free=0)  # type: ignore[assignment]
+        return work()
+
+    return done
 
 
 def calibrate(place: Path) -> Job:
@@ -200,4 +240,4 @@ def _sum(tensors: dict) -> str:
     return hashlib.sha256(b"".join(data)).hexdigest()
 
 
-JOBS = {job.__name__: job for job in (measure, calibrate, bench, train, render)}
+JOBS = {job.__name__: job for job in (measure, scratch, calibrate, bench, train, render)}

@@ -1,6 +1,6 @@
 """Commands that run in a process of their own, forked from one that has loaded everything, and are killed there.
 
-Loading takes seconds, a command here a tenth of one: 1,500 kills need a parent that has torch in memory. What a signal
+Loading takes seconds, a command here a tenth of one: 1,800 kills need a parent that has torch in memory. What a signal
 does while photonormal is still loading is tested in tests/cli. Linux only: it reads other processes' clocks.
 """
 

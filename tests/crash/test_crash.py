@@ -11,9 +11,10 @@ ROOT = Path(__file__).parents[2]
 @pytest.mark.skipif(sys.platform != "linux", reason="it reads other processes' clocks")
 def test_a_few_kills_lose_nothing():
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}  # processes with threads can't be forked
-    command = [sys.executable, "-m", "tests.crash.crash", "--kills", "2", "--jobs", "measure"]
+    command = [sys.executable, "-m", "tests.crash.crash", "--kills", "2", "--jobs", "measure", "scratch"]
     ended = subprocess.run(command, capture_output=True, text=True, env=environment, cwd=ROOT)
-    assert ended.returncode == 0 and "| measure | 6 |" in ended.stdout, ended.stdout + ended.stderr
+    told = ended.stdout + ended.stderr
+    assert ended.returncode == 0 and "| measure | 6 |" in told and "| scratch | 6 |" in told, told
 
 
 def test_a_batch_that_is_killed_is_made_whole():

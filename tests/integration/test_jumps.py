@@ -4,6 +4,8 @@ from integrate import bini, offset_error, parts_error
 from solids import scene
 
 from photonormal.integration import integrate
+from photonormal.integration.bilateral import Equations
+from photonormal.integration.slopes import Slopes
 from photonormal.types import Normals
 
 
@@ -32,3 +34,14 @@ def test_the_plain_program_is_exact_on_a_plane():
     plane = Normals(normals.mask[..., None] * n, normals.mask)
     y, x = np.mgrid[:64, :64]
     assert offset_error(bini(plane), np.where(normals.mask, -0.4 * x - 0.2 * y, np.nan)) < 0.05
+
+
+def test_a_surface_is_at_rest_when_all_of_it_moves_together():
+    normals, _ = scene("animal", 64)
+    equations = Equations(Slopes(normals, None, 0.01), 2.0)
+    z = np.zeros(equations.shape)
+    bent = z.copy()
+    bent[len(bent) // 2] += 0.5
+    assert equations.moved(z, z + 3) < 1e-12
+    assert equations.moved(z, bent + 3) == pytest.approx(equations.moved(z, bent))
+    assert equations.moved(z, bent) > 1e-3

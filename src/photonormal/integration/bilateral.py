@@ -5,7 +5,7 @@ Written from the paper's equations; the start and the last rounds are our own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -22,7 +22,7 @@ from photonormal.types import InputError, Normals, Surface
 
 ENDS = (np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])  # first and second pixels of the edges along x, along y
 CLEAR = 14.0  # no side is trusted by less than e^-14, so that parts of the surface stay in touch
-STILL = 1e-3  # pixels by which the surface moves in a round that is the last
+STILL = 1e-3  # pixels by which the surface changes in a round that is the last
 CURL_DEG = 0.3  # error of normals, from whose curl on slopes count as no surface's
 DOUBTED = np.float32(1e-4)  # trust in edges of no surface
 HELD = np.float32(1e-6)  # weight by which every edge keeps its step where combined equations tell next to nothing
@@ -230,9 +230,15 @@ class Equations:
         return system
 
     def moved(self, before: Float[np.ndarray, "h w"], z: Float[np.ndarray, "h w"]) -> float:
-        """How far, on average."""
-        far = each_band(lambda rows: float(np.abs(z[rows] - before[rows]).sum(where=self.mask[rows])), *self.shape)
-        return sum(far) / np.count_nonzero(self.mask)
+        """How far on average, but for what all pixels moved together: of that normals tell nothing."""
+        number = np.count_nonzero(self.mask)
+
+        def summed(value: Callable[[np.ndarray], np.ndarray]) -> float:
+            each = each_band(lambda rows: value(z[rows] - before[rows]).sum(where=self.mask[rows]), *self.shape)
+            return float(sum(each)) / number
+
+        together = summed(lambda step: step)
+        return summed(lambda step: np.abs(step - together))
 
     def one_sided(self, z: Float[np.ndarray, "h w"]) -> tuple[System, float]:
         """The least squares of all equations with weights by `z`, and their energy there."""

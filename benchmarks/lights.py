@@ -4,7 +4,8 @@
     python benchmarks/lights.py ROOT --images 10         # of ten of the photographs, three draws
     python benchmarks/lights.py ROOT --method sdps       # SDPS-Net, which finds the lights itself
     python benchmarks/lights.py ROOT --wrong 5           # --refine-lights, from given ones that are 5 degrees off
-    python benchmarks/lights.py ROOT --wrong 2 --halfway # the same from halfway vectors that are off besides
+    python benchmarks/lights.py ROOT --wrong 5 --turned 10   # the same, all lights turned about the view axis besides
+    python benchmarks/lights.py ROOT --wrong 2 --halfway     # the same from halfway vectors that are off besides
     python benchmarks/lights.py --rendered 32 --seed 7   # lights unknown, on rendered objects of held-out materials
 
 Angles are means in degrees; intensities' errors are scale-invariant, in per cent (`photonormal.scoring.lights`).
@@ -21,7 +22,7 @@ import numpy as np
 
 import photonormal as pn
 from photonormal.capture.texts import read_table
-from photonormal.geometry import normalised
+from photonormal.geometry import normalised, rotation_about_view
 from photonormal.methods import configure
 from photonormal.methods.inputs.grey import grey_samples
 from photonormal.methods.uncalibrated import found_lights
@@ -36,6 +37,12 @@ def shaken(lights: np.ndarray, deg: float, g: np.random.Generator) -> np.ndarray
     tilt /= np.linalg.norm(tilt, axis=1, keepdims=True)
     angle = np.radians(deg) * g.rayleigh(1 / np.sqrt(np.pi / 2), (len(lights), 1))
     return lights * np.cos(angle) + tilt * np.sin(angle)
+
+
+def misgiven(lights: np.ndarray, given: argparse.Namespace, g: np.random.Generator) -> np.ndarray:
+    """Lights that are wrong as it is asked: halfway vectors in their place, turned together, each off by itself."""
+    L = normalised(lights + np.array([0, 0, 1])) if given.halfway else lights
+    return shaken(L @ rotation_about_view(given.turned).T, given.wrong, g)
 
 
 def normals_deg(capture: Capture, method: str) -> float:
@@ -61,21 +68,22 @@ def some(capture: Capture, chosen: np.ndarray, lights: bool) -> Capture:
     return Capture(images, capture.mask, L, truth=capture.truth, name=capture.name)
 
 
-def real(root: Path, objects: list[str], images: int, wrong: float, halfway: bool, method: str) -> None:
+def real(given: argparse.Namespace) -> None:
     """Tables of DiLiGenT's objects."""
+    images, method = given.images, given.method
+    wrong = bool(given.wrong or given.halfway or given.turned)
     title = "before | after | normals, given | normals, mended" if wrong else "lights | intensities % | normals"
     title += "" if configure(method).needs.finds_lights else " | normals, true lights"
     print(f"| object | {title} |\n|{'---|' * (2 + title.count('|'))}")
-    for name in objects:
-        path = root / f"{name}PNG"
+    for name in given.objects.split(","):
+        path = given.root / f"{name}PNG"
         raw, known = pn.load(path, lights="unknown"), pn.load(path)
         e = grey_samples(read_table(path / "light_intensities.txt").astype(np.float32))
         n = known.images.shape[0]
         for draw in range(3 if images or wrong else 1):
             g = np.random.default_rng(draw)
             if wrong:
-                L = known.known_lights()
-                bad = replace(known, lights=shaken(normalised(L + np.array([0, 0, 1])) if halfway else L, wrong, g))
+                bad = replace(known, lights=misgiven(known.known_lights(), given, g))
                 found = found_lights(bad, "refined")
                 off = [score_lights(L, known.known_lights()).mean_deg for L in (bad.known_lights(), found.lights)]
                 row = " | ".join(f"{v:.2f}" for v in off)
@@ -123,6 +131,7 @@ def main() -> None:
     parser.add_argument("--objects", default="ball,bear,cat,reading")
     parser.add_argument("--images", type=int, default=0)
     parser.add_argument("--wrong", type=float, default=0.0)
+    parser.add_argument("--turned", type=float, default=0.0)
     parser.add_argument("--halfway", action="store_true")
     parser.add_argument("--method", default="normalnet")
     parser.add_argument("--rendered", type=int, default=0)
@@ -134,7 +143,7 @@ def main() -> None:
     elif given.root is None:
         parser.error("ROOT is needed, a folder that holds <object>PNG folders, or --rendered")
     else:
-        real(given.root, given.objects.split(","), given.images, given.wrong, given.halfway, given.method)
+        real(given)
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from photonormal import lamp_choice
-from photonormal.geometry import angle_deg, fibonacci_hemisphere
-from photonormal.lamp_choice import Shown, choose, exchanged, spread
+from photonormal.geometry import angle_deg, far_apart, fibonacci_hemisphere
+from photonormal.lamp_choice import Shown, choose, exchanged
 from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.types import InputError
 
@@ -28,7 +28,7 @@ def network():
 
 
 def test_lamps_are_spread_at_first():
-    lamps = spread(RIG, 4)
+    lamps = far_apart(RIG, 4)
     assert RIG[lamps[0], 2] == RIG[:, 2].max() and len(set(lamps)) == 4
     apart = [angle_deg(RIG[a], RIG[b]) for a in lamps for b in lamps if a < b]
     assert min(apart) > 50
@@ -52,7 +52,7 @@ def test_the_chosen_are_better_than_those_it_began_with(few):
     assert len(set(found.lamps)) == 4 and list(found.lamps) == sorted(found.lamps)
     shown = Shown.of(RIG, lamp_choice.ASKED)
     with torch.inference_mode():
-        assert shown.error_deg(net, list(found.lamps)) < shown.error_deg(net, spread(RIG, 4))
+        assert shown.error_deg(net, list(found.lamps)) < shown.error_deg(net, far_apart(RIG, 4))
     assert len({found.all_deg, found.chance_deg, found.error_deg}) == 3
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -46,6 +47,7 @@ def test_every_file_is_written_and_the_normals_are_right(folder, tmp_path, capsy
     assert set(report["seconds"]) == stages
     assert report["score"]["mean_deg"] < 2  # a few lights leave the rim in attached shadow
     assert "degrees against the true normals" in out
+    assert re.search(r"off by [0-9.]+ degrees on average: \S+expected-error.png", out)
 
 
 @pytest.mark.parametrize("method", ["woodham", "lambertian-prior", "normalnet"])

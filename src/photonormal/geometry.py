@@ -61,3 +61,13 @@ def fibonacci_hemisphere(n: int) -> Float[np.ndarray, "n 3"]:
     z = 1 - k / n
     r, phi = np.sqrt(1 - z**2), np.pi * (1 + 5**0.5) * k
     return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+
+
+def far_apart(v: Float[np.ndarray, "n 3"], count: int) -> list[int]:
+    """Which `count` vectors lie far apart: the one nearest to the view, then always the farthest from all taken."""
+    taken = [int(v[:, 2].argmax())]
+    nearest = angle_deg(v, np.broadcast_to(v[taken[0]], v.shape))
+    while len(taken) < min(count, len(v)):
+        taken.append(int(nearest.argmax()))
+        nearest = np.minimum(nearest, angle_deg(v, np.broadcast_to(v[taken[-1]], v.shape)))
+    return taken

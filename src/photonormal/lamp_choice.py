@@ -19,7 +19,7 @@ from torch import Tensor
 from photonormal.capture.lights import read_lights
 from photonormal.disk import refuse_taken, write
 from photonormal.export.lights import lp
-from photonormal.geometry import angle_deg as apart_deg
+from photonormal.geometry import far_apart
 from photonormal.methods.inputs.scaling import moment, scaled
 from photonormal.methods.learned.lmps import LMPS
 from photonormal.methods.learned.network import Network
@@ -84,20 +84,11 @@ def choose(lights: Float[np.ndarray, "n 3"], count: int, net: Network | None = N
     net = net or LMPS(turns=1).network()
     shown, checked = (Shown.of(lights, which) for which in (ASKED, CHECKED))
     with torch.inference_mode(), progress("choosing", ROUNDS * count) as advance:
-        lamps = exchanged(spread(lights, count), n, lambda some: shown.error_deg(net, some), advance)
+        lamps = exchanged(far_apart(lights, count), n, lambda some: shown.error_deg(net, some), advance)
         draws = [np.random.default_rng(k).permutation(n)[:count] for k in range(DRAWS)]
         chance = float(np.mean([checked.error_deg(net, draw.tolist()) for draw in draws]))
         kept = checked.error_deg(net, lamps)
         return Choice(tuple(sorted(lamps)), kept, checked.error_deg(net, list(range(n))), chance)
-
-
-def spread(lights: Float[np.ndarray, "n 3"], count: int) -> list[int]:
-    """The lamp nearest to the view, then always the one farthest from all that are taken."""
-    lamps = [int(lights[:, 2].argmax())]
-    while len(lamps) < count:
-        nearest = np.min([apart_deg(lights, np.broadcast_to(lights[j], lights.shape)) for j in lamps], axis=0)
-        lamps.append(int(nearest.argmax()))
-    return lamps
 
 
 def exchanged(

@@ -53,6 +53,25 @@ def test_names_are_relative_to_the_lp(folder, slash):
     np.testing.assert_allclose(load(folder).images[0], samples(5) / 65535, rtol=1e-6)
 
 
+def test_pictures_may_lie_in_a_folder_below_the_list_and_its_mask(folder, tmp_path):
+    below = tmp_path / "object"
+    below.mkdir()
+    folder.rename(below / "DCIM")
+    write_picture(below / "mask.png", MASK.astype(np.uint8))
+    (below / "a.lp").write_text(lp(names=[f"D:\\other\\{n.upper()}" for n in NAMES]))
+    for path in (below, below / "a.lp"):
+        capture = load(path)
+        assert capture.image_names == NAMES and (capture.mask == MASK).all() and capture.notes == ()
+
+
+def test_pictures_that_the_list_does_not_name_are_left_out_and_told(folder):
+    (folder / "a.lp").write_text(lp(LIGHTS[:3], NAMES[:3]))
+    (folder / "DSC 0001.tif").write_bytes(b"the same shot in another format")
+    capture = load(folder)
+    assert capture.image_names == NAMES[:3]
+    assert capture.notes == ("Left out, since the list in a.lp has no light for them: plain.png.",)
+
+
 def test_the_folder_s_mask(folder):
     (folder / "a.LP").write_text(lp())
     write_picture(folder / "mask.png", MASK.astype(np.uint8))

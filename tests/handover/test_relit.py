@@ -38,6 +38,13 @@ def test_a_light_that_was_left_out_is_shown_as_the_photograph_is(measured, tmp_p
     assert np.sqrt(((shown[mask] - from_linear((gain * truth[mask]).clip(0, 1))) ** 2).mean()) < 0.06
 
 
+def test_a_picture_may_be_a_jpeg(measured, tmp_path):
+    for name in ("a.png", "a.JPG"):
+        assert main(["export", str(measured / "r"), "--relit", "40,55", "--out", str(tmp_path / name)]) == 0
+    assert (tmp_path / "a.JPG").read_bytes()[:3] == b"\xff\xd8\xff"
+    assert np.abs(picture(tmp_path / "a.JPG") - picture(tmp_path / "a.png")).mean() < 0.01
+
+
 def test_a_light_far_from_those_of_the_photographs_is_said_to_be_a_guess(measured, tmp_path, caplog):
     words = ["export", str(measured / "r"), "--out", str(tmp_path / "a.png"), "--overwrite", "--relit"]
     assert main([*words, "40,30"]) == 0 and not caplog.messages

@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from photonormal.view import export_page, show
@@ -14,6 +15,18 @@ def test_the_file_loads_nothing(result, tmp_path):
     text = re.sub(r'<script type="application/json".*?</script>', "", path.read_text(), flags=re.DOTALL)
     assert reduced == 1 and "connect-src" not in text
     assert not re.search(r"""<(img|link|script|iframe)[^>]*(src|href)\s*=\s*["']?(?!data:,)|url\(|@import""", text)
+
+
+def test_the_photographs_inside_have_lights_all_around():
+    around = np.radians(np.arange(36) * 137.5)  # the order of a dome, in which every third lies on one side
+    lights = np.stack([np.cos(around), np.sin(around), np.ones(36)], axis=-1) / 2**0.5
+    photographs = [{"index": j, "name": f"{j}.png", "light": [float(v) for v in L]} for j, L in enumerate(lights)]
+    picked = show.some_photographs(photographs, 12)
+    angles = np.sort([np.degrees(np.arctan2(p["light"][1], p["light"][0])) % 360 for p in picked])
+    assert len(picked) == 12 and np.diff([*angles, angles[0] + 360]).max() < 60
+    assert [p["index"] for p in picked] == sorted(p["index"] for p in picked)
+    unlit = [{**p, "light": None} for p in photographs]
+    assert len(show.some_photographs(unlit, 12)) == 12 and show.some_photographs(photographs[:5], 12) == photographs[:5]
 
 
 @pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason=MISSING)

@@ -19,8 +19,16 @@ from pathlib import Path
 from photonormal.capture.assemble import Choice, assemble
 from photonormal.capture.diligent import read_normals
 from photonormal.capture.lights import own_lights, read_lights
-from photonormal.capture.lights.match import located
-from photonormal.capture.pictures import find_mask, find_pictures, no_pictures, picture_files
+from photonormal.capture.lights.match import left_out, located
+from photonormal.capture.pictures import (
+    find_mask,
+    find_pictures,
+    no_pictures,
+    photographs,
+    picture_files,
+    pictures_below,
+    unnamed,
+)
 from photonormal.capture.texts import beside, read_lines
 from photonormal.types import Capture, InputError
 
@@ -39,9 +47,12 @@ def read(path: Path, choice: Choice, lights: Path | None = None) -> Capture:
     if os.path.lexists(path / "filenames.txt"):
         pictures = [beside(path, name) for name in read_lines(path / "filenames.txt")]
     elif own is not None and listed is not None and listed.names:
-        named = located(listed.names, own.parent, picture_files(path))
+        there = picture_files(path)
+        there = there if photographs(there) else pictures_below(path)
+        named = located(listed.names, own.parent, there)
         if any(map(os.path.isfile, named)):
-            pictures, listed = named, replace(listed, names=[])
+            others = left_out(unnamed(there, [*named, *choice.not_pictures()]), listed)
+            pictures, listed = named, replace(listed, names=[], notes=(*listed.notes, *others))
     pictures = pictures or find_pictures(path, [own, *choice.not_pictures()], choice.prefer)
     if not pictures:
         raise no_pictures(path)

@@ -42,8 +42,19 @@ def find_pictures(folder: Path, without: Iterable[Path | None] = (), prefer: str
     if prefer and prefer not in PREFER:
         raise InputError(f"--prefer {prefer[:40]!r} came but one of {', '.join(PREFER)} is needed; correct it.")
     others = {os.path.realpath(p) for p in without if p is not None}
-    found = [p for p in picture_files(folder) if not NO_PHOTOGRAPH.search(p.stem) and os.path.realpath(p) not in others]
-    return _of_one_kind(sorted(found, key=natural), folder, prefer)
+    found = [p for p in photographs(picture_files(folder)) if os.path.realpath(p) not in others]
+    return _of_one_kind(found, folder, prefer)
+
+
+def photographs(pictures: Iterable[Path]) -> list[Path]:
+    """Those of the pictures that are called as photographs are, in natural order."""
+    return sorted((p for p in pictures if not NO_PHOTOGRAPH.search(p.stem)), key=natural)
+
+
+def unnamed(pictures: Iterable[Path], named: Iterable[Path | None]) -> list[str]:
+    """Photographs among the pictures that are neither named nor another file of a shot that is."""
+    shots = {stem(p.name).casefold() for p in named if p is not None}
+    return [p.name for p in photographs(pictures) if stem(p.name).casefold() not in shots]
 
 
 def _of_one_kind(pictures: list[Path], folder: Path, prefer: str) -> list[Path]:
@@ -95,7 +106,7 @@ def pages(pictures: Sequence[Path]) -> list[Picture]:
 def no_pictures(folder: Path) -> InputError:
     """What to say of a folder in which none was found: folders in it that hold some, or files that are not read."""
     inside = sorted(folder.iterdir()) if folder.is_dir() else []
-    below = [p.name for p in inside if p.is_dir() and os.access(p, os.R_OK | os.X_OK) and any(picture_files(p))]
+    below = list(dict.fromkeys(p.parent.name for p in pictures_below(folder)))
     unread = [p.name for p in inside if p.suffix.lower() in UNREAD]
     if below:
         some = ", ".join(below[:8]) + (f" and {len(below) - 8} more" if len(below) > 8 else "")
@@ -203,3 +214,9 @@ def picture_files(folder: Path) -> list[Path]:
     return [
         p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES and not p.name.startswith(".") and not p.is_dir()
     ]
+
+
+def pictures_below(folder: Path) -> list[Path]:
+    """Every file that is a picture in the folders of a folder."""
+    inside = sorted(folder.iterdir()) if folder.is_dir() else []
+    return [file for p in inside if p.is_dir() and os.access(p, os.R_OK | os.X_OK) for file in picture_files(p)]

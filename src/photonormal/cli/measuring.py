@@ -105,6 +105,9 @@ class Measure:
             f"{report['pixels']['measured']} normals from {report['lights']} photographs by {report['method']} "
             f"in {seconds:.1f} s: {self.out}"
         )
+        if "expected_error_deg" in report:
+            where = self.out / "expected-error.png"
+            print(f"expected to be off by {report['expected_error_deg']:.1f} degrees on average: {where}")
         if report.get("mesh", {}).get("every", 1) > 1:
             print(f"the mesh has one of {report['mesh']['every']} rows and columns, see --mesh-faces")
         if moved := report.get("found_lights", {}).get("moved_deg"):

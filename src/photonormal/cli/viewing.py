@@ -51,7 +51,7 @@ class Export:
     out: FileOrFolder = None
     """File or folder to write, where it is no page."""
     relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
-    """Write a picture (.png) under a light from there in degrees: 0,30 is from the right, 90,30 from above."""
+    """Write a picture (.png, .jpg) under a light from there in degrees: 0,30 is from the right, 90,30 from above."""
     sweep: bool = False
     """Write a film (.mp4, .gif) of a light that goes around once, at 0,45 or where --relit says."""
     by: Literal["hsh", "ptm", "hsh16", "matt"] = "hsh"

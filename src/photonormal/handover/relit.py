@@ -22,6 +22,7 @@ from photonormal.png import SRGB, encode_png
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, films
 from photonormal.relighting.pictures import Relit, direction, fitted, matt
+from photonormal.relighting.web import jpeg
 from photonormal.types import InputError, Normals
 from photonormal.view.result import report_of
 
@@ -30,6 +31,7 @@ log = logging.getLogger(__name__)
 ELEVATION = 45.0  # degrees, of a sweep unless said
 STEPS = 72  # of a light that goes around
 SIDE = 960  # pixels of a film's longer side, at most
+STILLS = (".png", ".jpg", ".jpeg")
 MATT = "matt"  # by normals and albedo alone
 FITS = ("hsh", "ptm", "hsh16")
 STRETCHED = 8  # weights of the photographs, all positive, above which a picture shows what none of them does
@@ -44,7 +46,7 @@ def export_relit(
     capture: Path | None = None,
     overwrite: bool = False,
 ) -> Path:
-    """Write a result as it looks under one light (.png), or under a light that goes around it once (.mp4, .gif).
+    """Write a result as it looks under one light (.png, .jpg), or under a light that goes around it once (.mp4, .gif).
 
     Parameters
     ----------
@@ -62,7 +64,7 @@ def export_relit(
         If the angles or the file's ending are none, or what the picture is made from is not there.
     """
     azimuth, elevation = _angles(angles)
-    endings = films.FORMATS if sweep else (".png",)
+    endings = films.FORMATS if sweep else STILLS
     if out.suffix.lower() not in endings:
         raise InputError(
             f"--out {out} ends in {out.suffix!r} but {' or '.join(endings)} is written; choose such a name."
@@ -76,7 +78,8 @@ def export_relit(
         at_once(out.parent) as to,
     ):
         if not sweep:
-            to.write(out.name, encode_png(relit(lights[0]), SRGB))
+            picture = relit(lights[0])
+            to.write(out.name, encode_png(picture, SRGB) if out.suffix.lower() == ".png" else jpeg(picture))
             return out
         small = relit.reduced(SIDE, multiple=2)
         with progress("film", STEPS) as advance:

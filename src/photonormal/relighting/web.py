@@ -56,9 +56,9 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
             for rows, C in pieces([layer]):
                 plane[rows] = codes[j](C[0])
             if tiled:
-                deepzoom.write(plane, f"plane_{j}", folder, *(("webp", _webp) if webp else ("jpg", _jpeg)))
+                deepzoom.write(plane, f"plane_{j}", folder, *(("webp", _webp) if webp else ("jpg", jpeg)))
             else:
-                folder.write(f"plane_{j}.jpg", _jpeg(plane))
+                folder.write(f"plane_{j}.jpg", jpeg(plane))
             advance()
     step, zero = (np.concatenate([getattr(code, name) for code in codes]) for name in ("step", "zero"))
     about = {
@@ -78,7 +78,8 @@ def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> Non
         folder.write("index.html", page.encode())
 
 
-def _jpeg(rgb: np.ndarray) -> bytes:
+def jpeg(rgb: np.ndarray) -> bytes:
+    """JPEG of (h, w, 3) RGB samples of 8 bits."""
     import cv2
 
     how = [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]

@@ -8,9 +8,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from photonormal.capture.images import MARGIN
 from photonormal.disk import refuse_taken, write
 from photonormal.export.result import brightest
+from photonormal.geometry import far_apart
 from photonormal.masked import box_of
 from photonormal.types import InputError, Result
 from photonormal.view.page import document, ramp, read
@@ -54,7 +57,7 @@ def export_page(
 ) -> tuple[Path, int]:
     """Write the page of one result as one file, which opens without server or network.
 
-    Results above FILE_PIXELS are halved until they fit; of the photographs up to PHOTOGRAPHS go in, evenly picked.
+    Results above FILE_PIXELS are halved until they fit; up to PHOTOGRAPHS photographs go in, with lights far apart.
 
     Parameters
     ----------
@@ -75,7 +78,7 @@ def export_page(
     sizes = about["sizes"]
     about["first"] = next(k for k, (w, h) in enumerate(sizes) if w * h <= FILE_PIXELS)
     about["first_photograph"] = next(k for k, size in enumerate(sizes) if max(size) <= max(PHOTOGRAPH_SIDE, SIDE))
-    about["photographs"] = evenly(about["photographs"], PHOTOGRAPHS)
+    about["photographs"] = some_photographs(about["photographs"], PHOTOGRAPHS)
     reduced = 2 ** about["first"]
     if reduced > 1:
         about["notes"] = [
@@ -98,6 +101,13 @@ def small_page(result: Result, name: str) -> bytes:
     part = "" if every == 1 else f"one of {every} rows and columns of "
     shown.about["notes"].append(f"This file holds {part}the result without photographs; `photonormal view` shows all.")
     return _one_file(shown, shown.about)
+
+
+def some_photographs(photographs: list[dict[str, Any]], limit: int) -> list[dict[str, Any]]:
+    """At most `limit` of the photographs, in their order: those whose lights lie far apart, where lights are known."""
+    if len(photographs) <= limit or photographs[0]["light"] is None:
+        return evenly(photographs, limit)
+    return [photographs[j] for j in sorted(far_apart(np.array([p["light"] for p in photographs]), limit))]
 
 
 def _one_file(shown: Shown, about: dict[str, Any]) -> bytes:

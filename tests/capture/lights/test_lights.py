@@ -321,9 +321,12 @@ class TestProjects:
             write_picture(project / "cropped-files" / name, samples(j + 9))
         np.testing.assert_allclose(load(project).images[1], samples(10) / 65535, rtol=1e-6)
 
-    def test_pictures_that_are_gone(self, project):
+    def test_pictures_that_were_moved(self, project):
         (project / "jpeg-exports").rename(project / "moved")
-        assert "moved" in refusal(load, project)
+        assert load(project).image_names == tuple(NAMES)
+        for j, name in enumerate(NAMES):
+            write_picture(project / "others" / name, samples(j))
+        assert "moved, others" in refusal(load, project)
 
 
 class TestRing:

@@ -18,6 +18,8 @@ KEYS: tuple[Callable[[str], str], ...] = (  # what has to agree: all, all but ca
     lambda name: stem(name).casefold(),
 )
 
+SHOWN = 8  # names in a message
+
 
 def in_order_of(pictures: Sequence[str], listed: Listed) -> tuple[list[int], list[int], list[str]]:
     """Which pictures have lights, which rows of the list those are, and what the user should know.
@@ -57,9 +59,16 @@ def in_order_of(pictures: Sequence[str], listed: Listed) -> tuple[list[int], lis
             f"{listed.path} has no light for {without[0]} but for other pictures of the capture, and one for "
             f"{last_part(absent[0])}, which is not there; correct the list or remove that picture."
         )
-    notes = [f"Left out, since the list{listed.source} has no light for them: {', '.join(without)}."] if without else []
     chosen = sorted(rows)
-    return chosen, [rows[j] for j in chosen], notes
+    return chosen, [rows[j] for j in chosen], left_out(without, listed)
+
+
+def left_out(pictures: Sequence[str], listed: Listed) -> list[str]:
+    """What the user should know of pictures that a list does not name."""
+    if not pictures:
+        return []
+    some = ", ".join(pictures[:SHOWN]) + (f" and {len(pictures) - SHOWN} more" if len(pictures) > SHOWN else "")
+    return [f"Left out, since the list{listed.source} has no light for them: {some}."]
 
 
 def finder(names: Sequence[str]) -> Callable[[str], int | None]:

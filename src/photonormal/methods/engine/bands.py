@@ -42,7 +42,7 @@ def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span
     def samples(rows: slice) -> PixelSamples:
         return every or PixelSamples.of(net, task, (rows, columns))
 
-    found: Iterator[Band] = ((rows, task.look.prior[:, rows, columns][None].to(task.device)) for rows in parts)
+    found: Iterator[Band] = ((rows, task.look.prior[rows, columns][None].to(task.device)) for rows in parts)
     for number in range(task.passes):
         seen, told = (window.narrowed((task.passes - number - k) * net.reach).seen[0] for k in (0, 1))
         found = one_pass(net, task, Look((seen, columns), told, number * net.reach), samples, found)

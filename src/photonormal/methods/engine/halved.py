@@ -41,7 +41,7 @@ def halved(method: Streaming, capture: Capture, device: torch.device) -> Solutio
     told = found.normals.new_ones(len(found.normals), 1) if found.told_deg is None else found.told_deg[:, None]
     coarse = torch.zeros(4, *small.mask.shape)
     coarse[:, torch.from_numpy(small.mask)] = torch.cat([found.normals, told], dim=1).T
-    full = carried(coarse, look.prior.cpu(), box.mask)
+    full = carried(coarse, look.prior[slice(None), slice(None)].cpu(), box.mask)
     full[:3] *= look.lit.cpu()
     values = box.on_mask(full)  # (p, 4)
     return Solution(values[:, :3].clone(), None if found.told_deg is None else values[:, 3].clone())

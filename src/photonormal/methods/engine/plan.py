@@ -19,6 +19,8 @@ KEPT = 896  # bytes of each pixel of the rows that a network sees by their pixel
 BAND = 2368  # bytes of each pixel of such rows while they are read
 LOADED = 350 * 10**6  # bytes of Python and its libraries
 FOUND = 40  # bytes of each pixel of the box, for what is found of it: it lies beside the windows
+ASIDE = 8  # on disk where it would take more than this part of the memory
+MASKS = 8  # bytes of each pixel that are left then
 BLOCK = 2**17  # pixels of such rows that are looked at together, about
 ROWS = 128  # such rows, about, where a picture is wide
 TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
@@ -72,7 +74,7 @@ def _band(
     def needed(wide: int, rows: int) -> float:
         return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
 
-    beside, rows = LOADED + FOUND * h * w, block(box, net.stride)
+    beside, rows = LOADED + (MASKS if lies_aside(box, device) else FOUND) * h * w, block(box, net.stride)
     allowed = max(memory.allowed() - beside, memory.allowed() // 2)
     if device.type != "cpu":
         return w, rows * max(1, SIDE["cuda"] ** 2 // w // rows)
@@ -82,6 +84,11 @@ def _band(
     _refuse(int(needed(wide, least)), f"a band of {least} rows of {wide} pixels with {margin // 2} around it")
     bands = [k * rows for k in range(max(1, min(MOST, h) // rows), 0, -1)]
     return wide, next((band for band in bands if needed(wide, band) <= allowed), least)
+
+
+def lies_aside(box: tuple[int, ...], device: torch.device) -> bool:
+    """Whether what is found of a box (h, w) lies on disk while windows are looked at."""
+    return device.type == "cpu" and FOUND * box[0] * box[1] * ASIDE > memory.allowed()
 
 
 def block(box: tuple[int, ...], stride: int) -> int:

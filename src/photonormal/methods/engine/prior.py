@@ -12,6 +12,7 @@ from photonormal.masked import row_bands
 from photonormal.methods.contract import Prior
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.frames import frames
+from photonormal.methods.engine.maps import Maps
 from photonormal.methods.engine.windows import Box
 from photonormal.methods.inputs.grey import darkest, grey, telling
 from photonormal.methods.inputs.scaling import moment
@@ -25,7 +26,7 @@ PART = 16  # a prior looks at this part of them together
 class FirstLook:
     """What every window of a box starts from."""
 
-    prior: Float[Tensor, "3 h w"]  # zero outside the mask
+    prior: Maps  # three (h, w), zero outside the mask
     moments: Tensor  # (1, c, h, w) or (1, 1, 1, 1), see inputs.scaling.moment
     lit: Bool[Tensor, "h w"]  # some image is not black here
 
@@ -56,7 +57,7 @@ def first_look(
     """One pass over the images, some rows at a time. The prior is found where it is asked for: in `rows` of the box."""
     n = capture.images.shape[0]
     h, w = box.mask.shape
-    N = torch.zeros(3, h, w, device=device)
+    N = Maps(3, (h, w), device)
     lit = torch.zeros(h, w, dtype=torch.bool, device=device)
     moments = torch.zeros(1, 1, 1, 1, device=device)
     parts = _rows(box, plan.pixels(capture))
@@ -87,7 +88,7 @@ def first_look(
                 moments[:, :, *seen] = found
             if start:
                 dark = float(darkest(I[some[box.mask].to(device)])) if dark is None else dark
-                N[:, *seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, dark)
+                N[seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, dark)
     if not (lit & box.mask.to(device)).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     return FirstLook(N, moments, lit)

@@ -18,6 +18,7 @@ from torch import Tensor
 from photonormal.methods.contract import Solution, Streaming
 from photonormal.methods.engine import bands, plan
 from photonormal.methods.engine.frames import frames
+from photonormal.methods.engine.maps import Maps
 from photonormal.methods.engine.prior import first_look, prior_named
 from photonormal.methods.engine.task import Task
 from photonormal.methods.engine.turns import mean, turned, turned_map
@@ -30,6 +31,7 @@ from photonormal.methods.uncalibrated.limits import check
 from photonormal.progress import progress
 from photonormal.types import Capture, InputError
 
+ROWS = 64  # whose normals are taken from maps at a time
 SEEN = 2**21  # pixels, of all images together, that other devices than a processor encode at a time
 
 
@@ -78,19 +80,27 @@ def measured(
         tile, band = plan.tile(net, passes, rotations, device, box.mask.shape, capture.images.shape[0], side)
         windows = box.windows(tile, margin, asked)
         look = first_look(net.scaling, capture, box, device, start, rows_seen(windows))
-        above, p = (box.count((some, slice(None))) for some in (slice(0, asked.start), asked))
-        normals, told_deg = torch.zeros(p, 3), None
+        found, tells = Maps(4, box.mask.shape, torch.device("cpu")), False
         look_at = partial(bands.looked, net) if isinstance(net, PixelNetwork) else partial(looked, net)
         with progress("normals", samples_seen(net, capture, box, windows, passes)) as advance:
             task = Task(capture, box, look, device, rotations, passes, band, advance)
             for window in windows:
                 for core, values in look_at(task, window):
-                    at = torch.from_numpy(box.pixels(core) - above)
-                    normals[at] = (values[:3] * look.lit[core].cpu())[:, box.mask[core]].T
-                    if len(values) > 3 + net.memory:
-                        told_deg = torch.zeros(p) if told_deg is None else told_deg
-                        told_deg[at] = values[-1, box.mask[core]]
-    return Solution(normals, told_deg)
+                    tells = len(values) > 3 + net.memory
+                    found[core] = torch.cat([values[:3] * look.lit[core].cpu(), values[-1:]])
+        normals, told_deg = on_mask(found, box, asked)
+    return Solution(normals, told_deg if tells else None)
+
+
+def on_mask(found: Maps, box: Box, asked: slice) -> tuple[Float[Tensor, "p 3"], Float[Tensor, " p"]]:
+    """Normals and what follows them at the mask's pixels of some rows."""
+    normals, last, first = torch.empty(p := box.count((asked, slice(None))), 3), torch.empty(p), 0
+    for y in range(asked.start, asked.stop, ROWS):
+        rows = slice(y, min(y + ROWS, asked.stop))
+        values = found[rows, slice(None)][:, box.mask[rows]]  # (4, q)
+        own = slice(first, first := first + values.shape[1])
+        normals[own], last[own] = values[:3].T, values[3]
+    return normals, last
 
 
 def samples_seen(net: Network, capture: Capture, box: Box, windows: list[Window], passes: int) -> int:
@@ -105,7 +115,7 @@ def samples_seen(net: Network, capture: Capture, box: Box, windows: list[Window]
 
 def looked(net: Network, task: Task, window: Window) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
     """All passes over a window: what the network tells of its core."""
-    core, found = window.core, task.look.prior[:, *window.seen][None]  # (1, d, h, w), the last pass's, or the prior
+    core, found = window.core, task.look.prior[window.seen][None]  # (1, d, h, w), the last pass's, or the prior
     for following in reversed(range(task.passes)):
         before, window = window, window.narrowed((following + 1) * net.reach)
         start = found[..., *window.within(before)][:, : 3 + net.memory].to(task.device)

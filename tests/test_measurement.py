@@ -37,6 +37,13 @@ def run(capsys, *arguments) -> tuple[int, str, str]:
     return code, captured.out, captured.err
 
 
+@pytest.mark.parametrize("lights", ["given", "refined"])
+def test_materials_under_lights_that_were_mended_are_doubted(folder, lights):
+    quick = {"expected_error": False, "examine": False, "integration": None}
+    result = pn.measure(pn.load(folder), "woodham", lights=lights, materials=True, **quick)
+    assert any("base_colour.png" in told for told in result.report["warnings"]) == (lights == "refined")
+
+
 def test_every_file_is_written_and_the_normals_are_right(folder, tmp_path, capsys):
     code, out, err = run(capsys, "measure", folder, "--out", tmp_path / "result")
     assert (code, err) == (0, "")

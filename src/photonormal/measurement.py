@@ -111,6 +111,12 @@ def measure(
 
         with _stage("materials", seconds):
             made_of = materials_of(lit, normals)
+        if told is not None:
+            warnings.append(
+                "Materials need exact lights, and these were found from the photographs: where they are off by some "
+                "degrees, gloss is seen that is none, and base_colour.png gets dark spots. Compare it with albedo.png, "
+                "or take the lights from a mirror sphere."
+            )
         hand_back()
     if albedo and lit.lights is not None:
         from photonormal.methods.albedo import lambertian_albedo

@@ -39,6 +39,22 @@ def test_diligent_keeps_the_benchmark_s_order_and_seeds(root):
     assert items("diligent", root / "pmsData") == found
 
 
+def test_captures_of_any_layout(tmp_path):
+    kept, scene = tmp_path / "mine" / "vase", lambertian(sphere(24), ring(6, 60))
+    write_diligent(kept, scene)
+    (kept / "filenames.txt").unlink()
+    (kept / "light_intensities.txt").unlink()
+    (kept / "light_directions.txt").rename(kept / "lights.txt")
+    write_diligent(tmp_path / "mine" / "without truth", scene)
+    (tmp_path / "mine" / "without truth" / "Normal_gt.mat").unlink()
+    done = bench("captures", tmp_path / "mine", tmp_path / "runs", methods="woodham")
+    assert done.predicted == 1 and len(done.failures) == 1 and "no true normals" in done.failures[0]
+    (table,) = tables(tmp_path / "runs")
+    assert table.dataset == "captures-mine" and table.rows[0].cells["vase"].value < 3
+    done = bench("diligent", tmp_path / "mine", tmp_path / "others", methods="woodham", objects="without truth")
+    assert "Normal_gt.mat is missing" in done.failures[0] and "bench captures" in done.failures[0]
+
+
 def test_materials_have_means_instead_of_columns(tmp_path, run):
     for k in range(14):
         write_diligent(tmp_path / "root" / f"material-{k}", lambertian(sphere(24), ring(6, 60), 0.1 + k / 20))

@@ -1,5 +1,7 @@
 """Masks drawn on photographs as viewers show them."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -82,3 +84,15 @@ def test_a_mask_that_is_the_same_both_ways_needs_no_choice(tmp_path):
 
 def test_another_size_is_refused(tmp_path):
     assert "20 x 20 pixels" in refusal(pn.load, capture(tmp_path, np.ones((20, 20), bool), 4 * [6]))
+
+
+@pytest.mark.parametrize(("orientation", "right"), [(3, [-1, 0]), (6, [0, 1]), (8, [0, -1])])
+def test_where_a_ring_begins_is_said_of_pictures_that_viewers_turn(tmp_path, orientation, right):
+    """`right`: x, y in what is stored at the right of what viewers show."""
+    folder = capture(tmp_path, STORED, 4 * [orientation])
+    (folder / "mask.png").unlink()
+    (folder / "light_directions.txt").unlink()
+    found = pn.load(folder, ring=4, elevation=45)
+    start = float(re.search(r"add (-?[0-9]+) to --start\.$", found.notes[0]).group(1))
+    light = pn.load(folder, ring=4, elevation=45, start=start).known_lights()[0]
+    np.testing.assert_allclose(light[:2] * 2**0.5, right, atol=1e-9)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture import UNKNOWN, load
-from photonormal.capture.pictures import natural
+from photonormal.capture.pictures import natural, picture_files
 from photonormal.types import Capture, InputError
 
 DILIGENT = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
@@ -51,7 +51,8 @@ class Item:
         """Its capture, with its lights and their intensities or without; InputError where a file is missing."""
         missing = [str(p) for p in self.needed if not p.is_file()]
         if missing:
-            raise InputError(f"{', '.join(missing)} is missing; restore the file or remove the object's folder.")
+            other = ", or use `bench captures`, which takes any layout" if self.format == "diligent" else ""
+            raise InputError(f"{', '.join(missing)} is missing; restore it, remove the object's folder{other}.")
         capture = load(self.path, format=self.format, lights=None if lights else UNKNOWN)
         if self.truth and capture.truth is None:
             raise InputError(f"{self.path} has no true normals to score against; add them or remove the object.")
@@ -91,6 +92,12 @@ def _materials(root: Path) -> list[Item]:
     """One object in many materials; the root's name tells which object."""
     folders, dataset = _diligent_folders(root), f"materials-{root.resolve().name}"
     return [_in_diligent_layout(dataset, p.name.removesuffix("PNG"), i, p) for i, p in enumerate(folders)]
+
+
+def _captures(root: Path) -> list[Item]:
+    """Captures in any layout; the root's name tells which they are."""
+    folders = [p for p in _folders(root) if picture_files(p) or (p / "Normal_gt.mat").is_file()]
+    return [Item(f"captures-{root.resolve().name}", p.name, i, p, "auto") for i, p in enumerate(folders)]
 
 
 def _diligent_folders(root: Path) -> list[Path]:
@@ -153,8 +160,12 @@ def _lightstage(root: Path) -> list[Item]:
 
 
 BENCHMARKS: dict[str, tuple[Callable[[Path], list[Item]], str]] = {  # name -> how objects are found, what is needed
-    "diligent": (_diligent, "give DiLiGenT, its pmsData, or a folder of objects in its layout"),
+    "diligent": (
+        _diligent,
+        "give DiLiGenT, its pmsData, or a folder of objects in its layout; captures in any other are `bench captures`",
+    ),
     "materials": (_materials, "give a folder with one object in DiLiGenT's layout for each material"),
+    "captures": (_captures, "give a folder of captures as `measure` reads them, each with Normal_gt.mat"),
     "cycles": (_cycles, "give a folder of NAME.obj folders with light.txt and gt_normal.tif"),
     "blobby": (_blobby, "give the root of a Blobby or Sculpture set, with val_mtrl.txt"),
     "lightstage": (_lightstage, "give the folder with light_directions.txt and the objects' folders with mattes"),

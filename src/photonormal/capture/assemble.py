@@ -22,7 +22,7 @@ from photonormal.capture.lights.match import in_order_of
 from photonormal.capture.lights.near import long_directions, placed
 from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
-from photonormal.capture.orientation import read_drawn
+from photonormal.capture.orientation import read_drawn, ring_note
 from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated, white_boards
 from photonormal.capture.texts import read_intensities
 from photonormal.crop import Crop
@@ -130,6 +130,8 @@ def assemble(
     if isinstance(mask, Path):
         mask, turned = read_drawn(mask, used, choice.mask_on)
         notes += turned
+    if choice.ring is not None:
+        notes += ring_note(used)
     lens = read_lens(choice.lens) if choice.lens else None
     if lens is not None and mask is not None:
         mask = lens.undistorted(mask.astype(np.uint8), nearest=True) > 0

@@ -1,7 +1,7 @@
-"""Masks that were drawn on photographs as viewers show them: turned by what Exif says of how the camera was held.
+"""What was told of photographs as viewers show them: turned by what Exif says of how the camera was held.
 
 Pictures stay as the sensor saw them, since lights are given in its frame and such notes change between pictures when a
-camera looks down. So a mask is turned back to them.
+camera looks down. So a mask is turned back to them, and of lamps in a ring it is said where their first one is.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ BACK: dict[int, Callable[[np.ndarray], np.ndarray]] = {  # Exif's orientation ->
     7: lambda shown: np.rot90(shown, 2).T,
     8: lambda shown: np.rot90(shown, -1),
 }
+STARTS = {3: 180, 6: 90, 8: -90}  # -> degrees in what is stored at the right of what is shown
 SAME, DIFFER = 0.02, 0.5  # of a mask's pixels, and of the contrast between inside and outside
 PICTURES = 4  # that tell which way round a mask was drawn
 WORDS = {2: "mirrored", 3: "turned by 180 degrees", 4: "upside down and mirrored", 5: "turned and mirrored"}
@@ -75,6 +76,18 @@ def read_drawn(
     how = how or f"was used as it is, though viewers show the pictures {WORDS[turns[0]]}"
     note = f"Exif's orientation: the mask {how}; results and lights lie as the camera's sensor saw the object."
     return np.ascontiguousarray(ways[best]), [note]
+
+
+def ring_note(pictures: Sequence[Picture]) -> list[str]:
+    """What the user should know of a ring of lamps where viewers show the pictures turned."""
+    turns = {read_exif(parts(p)[0]).orientation for p in pictures}
+    if len(turns) > 1 or not turns <= set(STARTS):
+        return []
+    turn = turns.pop()
+    return [
+        f"Exif's orientation: viewers show the pictures {WORDS[turn]}, but --ring and --start count in them as the "
+        f"camera's sensor saw the object; where you counted as viewers show them, add {STARTS[turn]} to --start."
+    ]
 
 
 def _brightest(pictures: Sequence[Picture]) -> Float[np.ndarray, "h w"]:

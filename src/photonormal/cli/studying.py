@@ -19,7 +19,7 @@ class Bench:
     """Predict the normals of a benchmark's objects by several methods, and store them."""
 
     benchmark: Positional[str]
-    """diligent, materials, cycles, blobby or lightstage."""
+    """diligent, captures (your own, each with Normal_gt.mat), materials, cycles, blobby or lightstage."""
     root: Positional[Path]
     """Folder with the benchmark's objects; absent ones are left blank."""
     out: Path = Path("runs")

@@ -180,7 +180,7 @@ def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] 
     numbers = verdict.numbers | {"frame": ", and ".join(what), "half_turn_told": verdict.half}
     known = next((name for name in FRAMES if np.allclose(from_frame(np.eye(3), name), M)), None)
     other = f"--frame {known} in place of opengl" if verdict.half and known else "--frame"
-    todo = f"x is right, y up and z to the camera here, so correct the lights' file, or use {other}."
+    todo = f"x is right, y up and z to the camera here; correct the lights' file or the ring's --start, or use {other}."
     if not verdict.half:
         todo += (
             " Whether x and y have to change sign as well the shading doesn't tell, since a flat relief looks the same "

@@ -2,6 +2,14 @@
 
 from __future__ import annotations
 
+import sysconfig
+import traceback
+from pathlib import Path
+
+KNOWN = (  # where our code and that of libraries lies
+    Path(__file__).resolve().parents[1],
+    *(Path(sysconfig.get_path(kind)).resolve() for kind in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")),
+)
 LONGEST = 2000  # characters of a message
 
 
@@ -30,3 +38,17 @@ def in_pixels(shape: tuple[int, ...]) -> str:
     '96 x 90 pixels'
     """
     return f"{shape[1]} x {shape[0]} pixels"
+
+
+def code_of_others(error: BaseException) -> str | None:
+    """Where in a user's own code, such as a method of one file, an error was raised; None where it is all ours.
+
+    A script's own lines, which only call us, are no cause.
+    """
+    found = None
+    for frame in traceback.extract_tb(error.__traceback__):
+        path = Path(frame.filename).resolve()
+        known = frame.filename.startswith("<") or any(path.is_relative_to(place) for place in KNOWN)
+        if not known and frame.name != "<module>":
+            found = f"{path.name}, line {frame.lineno}"
+    return found

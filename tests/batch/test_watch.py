@@ -6,6 +6,7 @@ from functools import partial
 
 from photonormal.batch import watch
 from photonormal.cli import main
+from photonormal.cli.batching import while_watching
 from tests.batch.conftest import WORDS
 
 
@@ -53,6 +54,23 @@ def test_a_capture_is_given_when_its_last_file_has_stopped_growing(tmp_path, mon
     assert given == [[capture], "later", [capture]]
 
 
+def test_pictures_that_lie_in_no_folder_are_told_once(tmp_path, monkeypatch, capsys):
+    told = []
+    camera = Camera(
+        *[lambda name=name: (tmp_path / name).write_text("1") for name in ("mask.png", "7.jpg", "8.jpg")], int
+    )
+    monkeypatch.setattr(watch.time, "sleep", lambda seconds: None)
+
+    def tell(event, **what):
+        told.append(event)
+        while_watching(event, **what)
+
+    watch.watch(tmp_path, tmp_path / "out", told.append, 1, camera.stop, tell)
+    assert told == ["watching", "loose"]
+    err = capsys.readouterr().err
+    assert err.count("\n") == 2 and "7.jpg lies in" in err
+
+
 def test_what_comes_is_measured_and_the_summary_follows(season, tmp_path, here, monkeypatch, capsys):
     inbox, results = tmp_path / "in", tmp_path / "results"
     inbox.mkdir()
@@ -71,7 +89,7 @@ def test_what_comes_is_measured_and_the_summary_follows(season, tmp_path, here, 
     monkeypatch.setattr(watch, "EVERY_S", 0)
     assert main(["watch", str(inbox), "--out", str(results), "--settle", "1e-9", *WORDS]) == 0
     out = capsys.readouterr().out.splitlines()
-    assert len(out) == 2 and all(line.startswith("1 measured, 0 were done") for line in out)
+    assert len(out) == 2 and out[0].startswith("a: ") and out[1].startswith("b: ") and out[1].endswith(" normals")
     with (results / "summary.csv").open(encoding="utf-8-sig", newline="") as file:
         assert [(row["capture"], row["state"]) for row in csv.DictReader(file)] == [("a", "done"), ("b", "done")]
 

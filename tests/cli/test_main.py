@@ -41,10 +41,9 @@ def test_help_is_printed(capsys):
 
 
 def test_a_fault_of_ours_is_one_line_and_a_file(capsys, monkeypatch):
-    def fails(self):
-        raise KeyError("surprise\nof two lines")
-
-    monkeypatch.setattr(measuring.Methods, "__call__", fails)
+    code = "def fails(self): raise KeyError('surprise\\nof two lines')"
+    exec(code, scope := {})  # of no user's file
+    monkeypatch.setattr(measuring.Methods, "__call__", scope["fails"])
     assert cli.main(["methods"]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and "KeyError" in err and "this is a fault of photonormal" in err
@@ -52,6 +51,45 @@ def test_a_fault_of_ours_is_one_line_and_a_file(capsys, monkeypatch):
     told = file.read_text()
     file.unlink()
     assert "options: ['methods']" in told and "in fails" in told and "photonormal 0." in told
+
+
+MINE = """
+import sys
+from dataclasses import dataclass
+from typing import ClassVar
+from photonormal.cli import main
+from photonormal.methods import METHODS
+from photonormal.methods.contract import Needs, Solution
+
+METHODS["mine"] = "mine:Mine"
+
+@dataclass(frozen=True)
+class Mine:
+    shape: str = "missing"
+    needs: ClassVar[Needs] = Needs()
+
+    def __call__(self, seen):
+        return Solution(seen.I.numpy()[:, :3] if self.shape == "array" else seen.I[:, :3].T if self.shape else seen.J)
+
+if __name__ == "__main__":
+    sys.exit(main())
+"""
+
+
+def test_a_fault_of_a_user_s_own_method_is_told_by_its_place(tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    line = 1 + MINE.splitlines().index(next(line for line in MINE.splitlines() if "seen.J" in line))
+    for shape, code, says in (
+        ("", 1, f"raised in mine.py, line {line}, which is no part of photonormal; the traceback is in "),
+        ("array", 2, "a method returned normals as ndarray of ("),
+        ("turned", 2, "a torch.Tensor (p, 3), a row a pixel, is needed."),
+    ):
+        words = ["measure", "demo", "--method", f"mine:shape={shape}", "--out", "result"]
+        run = subprocess.run([sys.executable, "mine.py", *words], cwd=tmp_path, capture_output=True, text=True)
+        assert run.returncode == code and says in run.stderr and "fault of photonormal" not in run.stderr
+        assert run.stderr.count("\n") == 1 and not (tmp_path / "result").exists()
+        for file in re.findall(r"\S+photonormal-fault-\S+\.txt", run.stderr):
+            Path(file).unlink()
 
 
 def test_without_a_place_for_the_file_it_is_still_one_line(capsys, monkeypatch):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from photonormal.capture.pictures import photographs, picture_files
 from photonormal.types import InputError
 
 EVERY_S = 1.0  # between two looks at the folder
@@ -18,6 +19,7 @@ def watch(
     measure: Callable[[Sequence[Path]], object],
     settle_s: float,
     stop: Callable[[], bool] = lambda: False,
+    tell: Callable[..., object] = lambda event, **what: None,
 ) -> None:
     """Give the captures of a folder to `measure` once none of their files has changed for `settle_s`; those that change
     later, again.
@@ -28,6 +30,7 @@ def watch(
     out : folder of the results, which is none either
     measure : what is done with captures that are whole
     stop : is asked every EVERY_S whether to end
+    tell : is called with an event and what belongs to it: "watching", and "loose" once, of pictures in no folder
 
     Raises
     ------
@@ -38,8 +41,12 @@ def watch(
         raise InputError(f"{folder} is no folder but one that captures come into is needed; make it first.")
     seen: dict[Path, tuple[Files, float]] = {}
     given: dict[Path, Files] = {}
+    tell("watching", folder=str(folder), out=str(out))
+    loose: list[Path] = []
     while not stop():
         now = time.monotonic()
+        if not loose and (loose := photographs(picture_files(folder))):
+            tell("loose", folder=str(folder), picture=loose[0].name)
         whole = []
         for path in sorted(p for p in folder.iterdir() if p.is_dir() and p.name[0] != "." and not _same(p, out)):
             files = _files(path)

@@ -31,7 +31,7 @@ from photonormal.export.mesh import display
 from photonormal.options import Precision
 from photonormal.progress import progress
 from photonormal.resources import cores
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture, InputError, code_of_others
 
 log = logging.getLogger(__name__)
 
@@ -148,6 +148,7 @@ def run_object(
             except Exception as error:  # whatever a method fails with, the others go on
                 log.debug("%s on %s", entry.label, item.name, exc_info=True)
                 what = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+                what += f" ({place})" if (place := code_of_others(error)) else ""
                 outcome.failures.append(
                     f"{item.dataset}, {item.name}: {entry.label}: {' '.join(what.splitlines())[:300]}"
                 )

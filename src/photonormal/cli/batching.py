@@ -57,9 +57,9 @@ class Going:
             begin_loading()
         return nullcontext(partial(run, jobs=self.jobs))
 
-    def tells(self) -> Callable[..., None]:
+    def tells(self, watching: bool = False) -> Callable[..., None]:
         """What tells of events."""
-        return as_lines if self.json_lines else in_words
+        return as_lines if self.json_lines else while_watching if watching else in_words
 
 
 @dataclass(frozen=True)
@@ -111,12 +111,13 @@ class Watch:
 
         like, going = of_all(self), self.batch
         with going.measured(soon=True) as measured:
+            tells = going.tells(watching=True)
 
             def measure(paths: Sequence[Path]) -> None:
                 found = jobs([str(path) for path in paths], self.out, like, {})
-                run(found, self.out, going.tells(), measured, overwrite=going.overwrite)
+                run(found, self.out, tells, measured, overwrite=going.overwrite)
 
-            watch(self.folder, self.out, measure, self.settle)
+            watch(self.folder, self.out, measure, self.settle, tell=tells)
         return 0
 
 
@@ -165,3 +166,20 @@ def in_words(event: str, **what: Any) -> None:
         failed = f", {what['failed']} failed; --retry failed tries those again" if what["failed"] else ""
         print(f"{what['measured']} measured, {what['kept']} were done{failed}: {what['out']}")
         sys.stdout.flush()
+
+
+def while_watching(event: str, **what: Any) -> None:
+    """What a person wants to know of an event while captures come."""
+    if event == "watching":
+        tell(f"watching {what['folder']}; {Path(what['out']) / 'index.html'} is the summary; Ctrl-C ends it.")
+    elif event == "loose":
+        tell(
+            f"{what['picture']} lies in {what['folder']} itself and is not measured: each object's photographs have to "
+            "come into a folder of their own there."
+        )
+    elif event == "done":
+        expected = what.get("expected_error_deg")
+        off = "" if expected is None else f", expected to be off by {expected:.1f} degrees on average"
+        print(f"{what['capture']}: {what['pixels']} normals{off}", flush=True)
+    elif event != "summary":
+        in_words(event, **what)

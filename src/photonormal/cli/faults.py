@@ -11,6 +11,7 @@ import traceback
 from difflib import get_close_matches
 
 import photonormal
+from photonormal.errors import code_of_others
 
 LONGEST = 300  # characters of a line
 NO_NUMBER = (  # of an option that must be one, or may be left out
@@ -57,7 +58,10 @@ def fault(error: Exception, arguments: list[str] | None) -> str:
         file, path = tempfile.mkstemp(prefix="photonormal-fault-", suffix=".txt")
         with os.fdopen(file, "w", encoding="utf-8", errors="backslashreplace") as opened:
             opened.write("\n".join(lines))
-        where = f"please report it with {path}"
     except OSError:
-        where = "please report it"
-    return f"{what}; this is a fault of photonormal, not yours: {where}."
+        path = ""
+    if place := code_of_others(error):
+        return (
+            f"{what}, raised in {place}, which is no part of photonormal{f'; the traceback is in {path}' * bool(path)}."
+        )
+    return f"{what}; this is a fault of photonormal, not yours: please report it{f' with {path}' * bool(path)}."

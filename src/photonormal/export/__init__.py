@@ -10,13 +10,13 @@ import numpy as np
 
 from photonormal.disk import Content, write
 from photonormal.geometry import known_frame
-from photonormal.types import InputError, Normals, Surface, as_normals
+from photonormal.types import InputError, Normals, Result, Surface, as_normals
 
 LOG = logging.getLogger("photonormal")
 
 
 def save(
-    result: Normals | Surface | np.ndarray,
+    result: Normals | Surface | Result | np.ndarray,
     path: str | Path,
     normals: Normals | None = None,
     albedo: np.ndarray | None = None,
@@ -24,14 +24,14 @@ def save(
     mm_per_px: float | None = None,
     most_faces: int = 2_000_000,
 ) -> Path:
-    """Write normals or a surface to one file; whole or not at all.
+    """Write normals or a surface to one file, or all of a measurement to a folder; whole or not at all.
 
     Parameters
     ----------
     result : Normals, or their map (h, w, 3), to ``.png`` (16-bit, (n + 1) / 2, green up, black outside), ``.exr`` or
         ``.npz``; a Surface to ``.npz``, as heights to ``.png``, ``.tif`` (16-bit) or ``.exr``, as a mesh to ``.ply``,
-        ``.obj``, ``.glb`` or ``.stl``
-    path : where; an existing file is replaced
+        ``.obj``, ``.glb`` or ``.stl``; a Result, of `photonormal.measure`, to a folder as the command writes it
+    path : where; an existing file is replaced, a folder only if it holds nothing but a result
     normals : vertex normals of a mesh
     albedo : (h, w, 3) in [0, 1], linear: vertex colours of a mesh
     frame : of the normals in the file, a key of photonormal.geometry.FRAMES; a mesh keeps ours
@@ -44,6 +44,13 @@ def save(
     The path written.
     """
     path = Path(path)
+    if isinstance(result, Result):
+        from photonormal.export.folder import whole_folder
+        from photonormal.export.result import write_result
+
+        with whole_folder(path) as folder:
+            write_result(result, folder, frame)
+        return path
     if not isinstance(result, Surface):
         result = as_normals(result)
     write(path, encoded(result, path.name, normals, albedo, frame, mm_per_px, most_faces))

@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.types import InputError
+
 
 @dataclass(frozen=True)
 class Needs:
@@ -81,6 +83,13 @@ class Solution:
     told_deg: Float[Tensor, " p"] | None = None
     lights: Float[Tensor, "n 3"] | None = None
     intensities: Float[Tensor, " n"] | None = None
+
+    def __post_init__(self):
+        if not isinstance(self.normals, Tensor) or self.normals.ndim != 2 or self.normals.shape[1] != 3:
+            came = f"{type(self.normals).__name__} of {tuple(getattr(self.normals, 'shape', ()))}"
+            raise InputError(
+                f"a method returned normals as {came} but a torch.Tensor (p, 3), a row a pixel, is needed."
+            )
 
     @staticmethod
     def joined(parts: Sequence[Solution]) -> Solution:

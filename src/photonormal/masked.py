@@ -1,4 +1,4 @@
-"""A mask's box; values at its pixels and the maps that they lie on, a few rows at a time; smaller maps."""
+"""A mask's box and rim; values at its pixels and the maps that they lie on, a few rows at a time; smaller maps."""
 
 from __future__ import annotations
 
@@ -72,3 +72,10 @@ def box_of(mask: Bool[np.ndarray, "h w"], margin: int = 0) -> tuple[slice, slice
         first, last = (int(inside[0]), int(inside[-1])) if inside.size else (0, size - 1)
         spans.append(slice(max(0, first - margin), min(size, last + 1 + margin)))
     return spans[0], spans[1]
+
+
+def on_rim(mask: Bool[np.ndarray, "h w"]) -> float:
+    """Part of the frame's outermost pixels that is on a mask."""
+    edge = np.ones_like(mask)
+    edge[1:-1, 1:-1] = False
+    return float(mask[edge].mean())

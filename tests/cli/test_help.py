@@ -3,6 +3,8 @@
 import json
 from dataclasses import replace
 
+import cv2
+import numpy as np
 import pytest
 
 import photonormal
@@ -84,6 +86,26 @@ def test_the_next_step_has_the_option_that_was_asked_for(tmp_path, capsys):
     assert said.splitlines()[-1] == f"next: photonormal measure {folder} --srgb --out result"
     main(said.splitlines()[-1].replace("measure", "check").split()[2:-2])
     assert "encoding" not in capsys.readouterr().out
+
+
+def test_an_inverted_mask_leads_to_a_mask_from_the_shading(tmp_path, capsys):
+    write_diligent(tmp_path / "ball", lambertian(sphere(64), scattered(20)))
+    path = tmp_path / "ball" / "mask.png"
+    cv2.imwrite(str(path), 255 - cv2.imread(str(path), cv2.IMREAD_GRAYSCALE))
+    main(["check", str(tmp_path / "ball")])
+    said = capsys.readouterr().out
+    assert "looks inverted" in said and "Mend first" not in said
+    assert said.splitlines()[-1] == f"next: photonormal mask {tmp_path / 'ball'} --out object-mask.png"
+
+
+def test_jpeg_files_that_say_nothing_lead_to_srgb(tmp_path, capsys):
+    scene = lambertian(sphere(64), lights := scattered(20))
+    levels = np.rint(255 * from_linear(scene.images / scene.images.max())).astype(np.uint8)
+    for j, level in enumerate(levels):
+        cv2.imwrite(str(tmp_path / f"{j:02d}.jpg"), level, [cv2.IMWRITE_JPEG_QUALITY, 98])
+    np.savetxt(tmp_path / "light_directions.txt", lights)
+    main(["check", str(tmp_path)])
+    assert capsys.readouterr().out.splitlines()[-1] == f"next: photonormal measure {tmp_path} --srgb --out result"
 
 
 def test_lights_are_corrected_by_the_commands_that_come_next(turned, tmp_path, capsys):

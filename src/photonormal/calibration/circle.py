@@ -39,14 +39,16 @@ class Circle:
     def check_inside(self, shape: Sequence[int], where: str) -> None:
         """Raise SphereError where the frame (h, w) cuts off so much of the sphere that its outline is uncertain."""
         if self.beyond(shape) > CUT_OFF * self.r:
-            raise SphereError(f"{self.cut_off(shape, where)}; photograph it whole.", (self,))
+            raise SphereError(
+                f"{self.cut_off(shape, where)} but at most half of its radius may; photograph it whole.", (self,)
+            )
 
     def cut_off(self, shape: Sequence[int], where: str) -> str:
         """How much of it lies outside the frame (h, w), in words."""
         h, w = shape[:2]
         return (
             f"the sphere in {where} at {self} is cut by the border ({self.beyond(shape):.0f} of its {self.r:.0f} "
-            f"pixels of radius lie outside the frame of {w} x {h}) but its whole outline is needed"
+            f"pixels of radius lie outside the frame of {w} x {h})"
         )
 
     def beyond(self, shape: Sequence[int]) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from photonormal.masked import on_rim
 from photonormal.types import InputError
 
 SIZE = 600  # longest side at which the mask is found
@@ -46,8 +47,7 @@ def mask_from_shading(pictures: Float[np.ndarray, "n h w"]) -> Bool[np.ndarray, 
         object = _largest(_cut(grey, split))
         if object.mean() < SMALLEST:
             break
-        edge = np.concatenate([object[0], object[-1], object[:, 0], object[:, -1]])
-        if edge.mean() <= BORDER:
+        if on_rim(object > 0) <= BORDER:
             return cv2.resize(object, (w, h), interpolation=cv2.INTER_LINEAR) > 0
     raise InputError("no object stands out of a darker ground in these photographs; draw a mask, white on the object.")
 

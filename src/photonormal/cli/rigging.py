@@ -225,13 +225,16 @@ class Check:
             print("nothing wrong was found")
         if files:
             print(", ".join(str(f) for f in files))
-        if any(f.grave and f.lights is None and not f.options for f in found):
+        if any(f.grave and f.lights is None and not f.options and f.kind != "mask" for f in found):
             print("Mend first what is grave; then")
         next_step(*self._next(found))
         return code
 
     def _next(self, found: list[Finding]) -> tuple[object, ...]:
         """The words of the command that comes next, with the options and lights that mend what was found."""
+        if any(f.grave and f.kind == "mask" for f in found):
+            folder = self.capture if self.capture.is_dir() else self.capture.parent
+            return "mask", folder, "--out", "object-mask.png"
         options = {name: value for f in found for name, value in f.options.items()}
         refine = ["--refine-lights"] * options.pop("refine_lights", self.refine_lights)
         read = replace(self.read, corrections=replace(self.read.corrections, **options))

@@ -25,12 +25,13 @@ def check(capture: Capture) -> list[Finding]:
 
     capture = as_capture(capture)
     s, names = samples.read(capture), list(capture.image_names)
-    found = [Finding("reading", False, note) for note in capture.notes]
+    asked = {"srgb": True, "linear": False} if capture.likely_encoded else {}
+    found = [Finding("reading", False, note, options=asked if "--srgb" in note else {}) for note in capture.notes]
+    if swapped := samples.inverted(capture.mask, s):
+        return [*swapped, *found]  # all else would be judged of the ground
     I, mask = samples.on_object(s)
     white = exposure.saturation(s, capture)
     found += [*white, *exposure.darkness(I, names), *exposure.bits(s, I, capture), *samples.no_mask(s.mask, mask)]
-    if swapped := samples.inverted(capture.mask, s):
-        return [*swapped, *found]
     height, width = capture.mask.shape
     if lie_otherwise := turned.turned(s.small, s.middle, height == width, names):
         return sorted([*found, *lie_otherwise], key=lambda f: not f.grave)

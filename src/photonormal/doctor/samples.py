@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from photonormal.calibration.mask import mask_from_shading
 from photonormal.doctor.finding import Finding
-from photonormal.masked import box_of, picked, row_bands
+from photonormal.masked import box_of, on_rim, picked, row_bands
 from photonormal.types import Capture, InputError
 
 PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
@@ -106,7 +106,7 @@ def on_object(samples: Samples) -> tuple[Float[np.ndarray, "p n"], Bool[np.ndarr
     except InputError:
         return samples.I, samples.mask
     level = np.quantile(samples.I, 0.9, axis=1)
-    if _on_rim(mask) > CUT_OFF * mask.mean():
+    if on_rim(mask) > CUT_OFF * mask.mean():
         return samples.I, samples.mask  # patches of what fills the frame
     if mask.all() or np.median(level[~mask.ravel()]) > GROUND * np.median(level[mask.ravel()]):
         return samples.I, samples.mask  # paint, or a shining spot
@@ -117,7 +117,7 @@ def inverted(mask: Bool[np.ndarray, "h w"], samples: Samples) -> list[Finding]:
     """Where the mask marks what lies around the object: it goes round the frame, dark beside what it leaves out."""
     import cv2
 
-    if mask.all() or _on_rim(mask) < ROUND:
+    if mask.all() or on_rim(mask) < ROUND:
         return []
     level = samples.small.mean(axis=0)  # (a, b), of the whole frame where its rim is on the mask
     small = cv2.resize(mask.astype(np.uint8), level.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
@@ -126,8 +126,9 @@ def inverted(mask: Bool[np.ndarray, "h w"], samples: Samples) -> list[Finding]:
     marked, left = float(np.quantile(level[small], 0.9)), float(np.median(level[~small]))
     if marked >= GROUND * left:
         return []
+    times = f"{left / marked:.0f}" if 100 * marked > left else "more than 100"
     message = (
-        f"the mask looks inverted: what it marks goes round the frame and is {left / max(marked, 1e-9):.0f} times as "
+        f"the mask looks inverted: what it marks goes round the frame and is {times} times as "
         "dark as what it leaves out; white has to mark the object, so invert the mask, or name another with --mask."
     )
     return [Finding("mask", True, message, {"marked_over_left": round(marked / left, 4)})]
@@ -143,13 +144,6 @@ def no_mask(given: Bool[np.ndarray, "h w"], judged: Bool[np.ndarray, "h w"]) -> 
         "mask FOLDER --out FOLDER/mask.png` draws a mask, which keeps the ground out of the results."
     )
     return [Finding("mask", False, message, {"object_percent": round(part, 2)})]
-
-
-def _on_rim(mask: Bool[np.ndarray, "h w"]) -> float:
-    """Part of the frame's outermost pixels that is on a mask."""
-    edge = np.ones_like(mask)
-    edge[1:-1, 1:-1] = False
-    return float(mask[edge].mean())
 
 
 def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:

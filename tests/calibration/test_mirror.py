@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from photonormal.calibration.circle import Circle, SphereError
-from photonormal.calibration.highlight import check_highlights, darkest, looked_for
+from photonormal.calibration.highlight import check_number, check_sizes, darkest, looked_for
 from photonormal.calibration.mirror import directions, nearest_point, sphere_centre
 from photonormal.calibration.sphere import Sphere
 from photonormal.geometry import angle_deg, normalised
@@ -84,17 +84,17 @@ def shown(lights) -> list:
 def test_a_light_behind_the_sphere_leaves_no_highlight():
     found = shown([[(*highlight_at(l), 3.0)] for l in dome(5)] + [[]])
     assert [h is None for h in found] == [False] * 5 + [True]
-    check_highlights(found, list("abcdef"), CIRCLE, "chrome")  # one of six may be missing
+    check_number(found, list("abcdef"), CIRCLE, "chrome")  # one of six may be missing
     with pytest.raises(
         SphereError, match=r"no highlight was found on the sphere at 150.3,117.6,81.4 .* in 2 of 6 .*--skip"
     ):
-        check_highlights([*found[:4], None, None], list("abcdef"), CIRCLE, "chrome")
+        check_number([*found[:4], None, None], list("abcdef"), CIRCLE, "chrome")
 
 
 def test_a_matt_sphere_is_refused():
     broad = shown([[(140.0 + 2 * k, 100.0, 45.0)] for k in range(3)])
     with pytest.raises(SphereError, match=r"covers \d+ % of the sphere at .* use a mirror sphere"):
-        check_highlights(broad, list("abc"), CIRCLE, "chrome")
+        check_sizes(broad, list("abc"), CIRCLE, "chrome")
 
 
 def test_a_bright_table_in_the_sphere_is_no_highlight():

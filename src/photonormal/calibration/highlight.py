@@ -91,8 +91,8 @@ def is_a_mirror_s(highlight: Highlight | None, circle: Circle) -> bool:
     return highlight is not None and _stands_out(highlight, circle) and not highlight.rivals
 
 
-def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], circle: Circle, where: str) -> None:
-    """Raise SphereError where few pictures have a highlight, or one that is too large for a mirror."""
+def check_number(found: Sequence[Highlight | None], names: Sequence[str], circle: Circle, where: str) -> None:
+    """Raise SphereError where few pictures have a highlight."""
     missing = [name for name, h in zip(names, found, strict=True) if h is None]
     if len(missing) > MISSING * len(found):
         raise SphereError(
@@ -101,6 +101,10 @@ def check_highlights(found: Sequence[Highlight | None], names: Sequence[str], ci
             "the sphere is elsewhere; give --circle x,y,r, or leave those pictures out with --skip.",
             (circle,),
         )
+
+
+def check_sizes(found: Sequence[Highlight | None], names: Sequence[str], circle: Circle, where: str) -> None:
+    """Raise SphereError where highlights are too large for a mirror's."""
     shown = [h for h in found if h is not None]
     small = max(_part(h, circle) for h in shown) <= LARGEST
     if small and np.mean([_stands_out(h, circle) for h in shown]) < 0.5:

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from photonormal.calibration import faint
 from photonormal.calibration.choice import AS_WELL, CONFIDENCE, MIRRORS, Found, apart, best_of, overlap
 from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
@@ -31,6 +32,11 @@ ENOUGH_PX = 50  # radius of a sphere with which highlights are found surely enou
 SPREAD = 0.03  # of the highlights, in radii, below which they do not move
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 ASTRAY = (6.0, 0.35)  # how far below the middle one picture may be, in what that lacks, and at least
+FAINT_PX = 15  # radius of a sphere below which its shadows may tell what it mirrors in noise
+FAINTLY = (
+    "the sphere mirrors the lamps hardly more brightly than noise, so that its shadows tell where they are; use a "
+    "larger or shinier sphere, or expose longer."
+)
 ROUNDS = 3  # of looking for highlights in a circle and improving it by its shadows
 UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer than chance
 FULLY = 0.65  # confidence of such a circle at most
@@ -147,7 +153,24 @@ def _in_place(
         cast = seen(c)
         sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
         found.append(replace(cast, circle=replace(c, confidence=sure, residual_px=0.0)))
+    if not any(f.shades and _shown(f.xy) >= MIRRORS for f in found):
+        found = [_faintly(f, around, dark, pixel) for f in found]
     return [f.moved(x0, y0, scale) for f in found]
+
+
+def _faintly(found: Found, around: Surroundings, dark: np.ndarray, pixel: float) -> Found:
+    """A small circle with what it mirrors where its shadows say so, if all pictures together mirror there."""
+    if found.shadows <= BEGIN or found.circle.r >= FAINT_PX * pixel:
+        return found
+    cast = faint.anywhere(around, found.circle, found.xy)
+    if _shown(cast) < MIRRORS or not faint.mirrored(dark, cast, pixel):
+        return found
+    return replace(found, xy=cast, astray=(), shadows=around.explained(found.circle, cast), notes=(FAINTLY,))
+
+
+def _shown(xy: np.ndarray) -> float:
+    """Part of the pictures with a highlight."""
+    return float(np.isfinite(xy).all(1).mean())
 
 
 def _astray(each: np.ndarray) -> tuple[int, ...]:

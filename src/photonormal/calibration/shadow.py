@@ -32,6 +32,7 @@ SHADED = 0.5  # part of the light that is missing from which a place is in shado
 SEEN = 0.01  # part of the places in shadow from which a picture's shadow tells something
 NEAREST = 0.12  # a sphere's radius as a part of the lamps' distance, at most
 CLEARLY = 0.2  # by how much the shadow of one reflection has to be explained better than another's
+VIEW = np.array([0.0, 0.0, 1.0])
 FEW = 4  # pictures below which a place's middle brightness may be in shadow
 
 
@@ -83,11 +84,11 @@ class Surroundings:
         ----------
         xy : where the sphere mirrors the lamps, NaN where it does not
         """
-        return self._compared(circle, xy).correlation
+        return self.compared(circle, xy).correlation
 
     def of_each(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
         """The same for each picture by itself; NaN where it has no highlight, or hardly a shadow."""
-        return self._compared(circle, xy).of_each(xy)
+        return self.compared(circle, xy).of_each(xy)
 
     def chosen(
         self, circle: Circle, xy: Float[np.ndarray, "n 2"], others: Float[np.ndarray, "k n 2"]
@@ -99,7 +100,7 @@ class Surroundings:
         xy : the reflections that stand out farthest, which stay where their shadows tell nothing
         others : further ones, NaN where there are none
         """
-        compared = self._compared(circle, xy)  # on the table that these tell
+        compared = self.compared(circle, xy)  # on the table that these tell
         of = np.nan_to_num([compared.of_each(reflections) for reflections in (xy, *others)])  # (1 + k, n)
         best = np.where(of.max(0) > of[0] + CLEARLY, of.argmax(0), 0)
         picture = np.arange(len(xy))
@@ -118,22 +119,27 @@ class Surroundings:
         how = {"initial_simplex": simplex, "maxfev": 120, "xatol": 0.003, "fatol": 1e-4}
         return of(minimize(lambda p: -self.explained(of(p), xy), np.zeros(3), method="Nelder-Mead", options=how).x)
 
-    def _compared(self, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Compared:
-        """Levels are taken for linear or encoded, whichever explains more."""
+    def compared(
+        self, circle: Circle, xy: Float[np.ndarray, "n 2"], table: Float[np.ndarray, " 3"] | None = None
+    ) -> Compared:
+        """Levels are taken for linear or encoded, whichever explains more; the table's normal is found, or given."""
         shown = np.isfinite(xy.sum(1))
         x, y, dark = self._around(circle)
         if shown.sum() < FEW or x.size < PLACES / 40:
-            return Compared(0.0, shown, np.zeros((0, 0)), lambda reflections: np.zeros((0, 0)))
+            return Compared(0.0, shown, VIEW, 1.0, np.zeros((0, 0)), lambda reflections: np.zeros((0, 0)))
         (L, _), dark, bright = directions(circle, xy[shown]), dark[shown], self.bright[shown]
         found = []
         for gamma in GAMMAS:
-            T = _table(L, np.exp(gamma * bright @ (1.0, circle.x, circle.y)))
+            T, unsure = _table(L, np.exp(gamma * bright @ (1.0, circle.x, circle.y))) if table is None else (table, 0.0)
             lamps = 1 - (1 - self.deep) ** (gamma / EDGE_POWER)  # of all light
             cast = partial(_cast, circle, T, x, y, _near(circle, L, T, gamma / lamps * bright[:, 1:]))
-            S = cast(xy[shown])
-            left = np.nan_to_num(_correlation(dark, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
-            correlation = float(np.nan_to_num(_correlation(dark[left].ravel(), S[left].ravel())))
-            found.append(Compared(correlation, shown, dark, cast))
+            S, less = (
+                cast(xy[shown]),
+                1 - (1 - dark) ** (gamma / EDGE_POWER),
+            )  # of light: edges are where it is half way
+            left = np.nan_to_num(_correlation(less, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
+            correlation = float(np.nan_to_num(_correlation(less[left].ravel(), S[left].ravel())))
+            found.append(Compared(correlation, shown, T, unsure, less, cast))
         return max(found, key=lambda compared: compared.correlation)
 
     def _around(self, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -156,12 +162,16 @@ class Compared(NamedTuple):
     ----------
     correlation : of both, over places and pictures
     shown : (n,) which pictures these are
+    table : its normal, as its light tells it
+    unsure : standard deviation of that across the view
     dark : (m, p) what is missing at p places
     cast : the shadows (m, p) of the sphere under lights that it mirrors at (m, 2)
     """
 
     correlation: float
     shown: Bool[np.ndarray, " n"]
+    table: Float[np.ndarray, " 3"]
+    unsure: float
     dark: Float[np.ndarray, "m p"]
     cast: Callable[[np.ndarray], np.ndarray]
 
@@ -187,12 +197,20 @@ def _cast(
     return shadows(circle, normalised(L + near * N), T, x, y, near).astype(float)  # L is from where it is mirrored
 
 
-def _table(L: Float[np.ndarray, "m 3"], e: Float[np.ndarray, " m"]) -> Float[np.ndarray, " 3"]:
-    """The normal of what most of a place shows, from its light `e` in each picture; the view's where it tells none."""
+def _table(L: Float[np.ndarray, "m 3"], e: Float[np.ndarray, " m"]) -> tuple[Float[np.ndarray, " 3"], float]:
+    """The normal of what most of a place shows, by its light `e` in each picture, and how unsure it is across the view.
+
+    It is the view where the light tells none.
+    """
     b = np.linalg.lstsq(L, e, rcond=None)[0]
     left = np.abs(L @ b - e).argsort()[: len(e) - int(WRONG * len(e))]
-    T = normalised(np.linalg.lstsq(L[left], e[left], rcond=None)[0])
-    return T if T[2] > FACING else np.array([0.0, 0.0, 1.0])
+    b = np.linalg.lstsq(L[left], e[left], rcond=None)[0]
+    T = normalised(b)
+    if T[2] <= FACING:
+        return VIEW, 1.0
+    off2 = ((L[left] @ b - e[left]) ** 2).sum() / max(1, len(left) - 3)
+    spread = off2 * np.linalg.pinv(L[left].T @ L[left]) / (b @ b)  # (3, 3)
+    return T, float(np.sqrt((spread[0, 0] + spread[1, 1]) / 2))
 
 
 def _near(

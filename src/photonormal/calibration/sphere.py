@@ -8,15 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool
 
+from photonormal.calibration import faint
 from photonormal.calibration.choice import Found
 from photonormal.calibration.circle import Circle, SphereError, from_mask
-from photonormal.calibration.highlight import check_highlights, darkest, looked_for
+from photonormal.calibration.highlight import check_number, check_sizes, darkest, looked_for
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.reflections import Highlight
-from photonormal.calibration.search import find_spheres
-from photonormal.calibration.survey import Photograph
+from photonormal.calibration.rim import SMALL
+from photonormal.calibration.search import PLACE_SIZE, find_spheres
+from photonormal.calibration.shadow import REACH, Surroundings
+from photonormal.calibration.survey import Photograph, root
 
 SAME = (0.1, 1.5)  # distance, in radii and in pixels, within which two highlights are one
+UNSEEN = Highlight(np.nan, np.nan, 0, 0.0, 0.0, False)  # one that only shadows tell
 FEW_PX = 15.0  # radius in pixels below which lights of rendered spheres were off by 2 degrees and more now and then
 GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
 
@@ -112,8 +116,9 @@ class Sphere:
             )
         if self.circle.cut(self.shape):
             found.append(
-                f"{self.circle.cut_off(self.shape, self.where)}; look at the picture, and photograph the sphere whole "
-                "where the circle is off. A given circle's y counts from the upper edge."
+                f"{self.circle.cut_off(self.shape, self.where)} and was used by the part that is seen; look at the "
+                "picture, and photograph the sphere whole where the circle is off. A given circle's y counts from the "
+                "upper edge."
             )
         return found
 
@@ -161,7 +166,10 @@ def _one(
     box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
     cut = Circle(circle.x - x0, circle.y - y0, circle.r)
     highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
-    check_highlights(highlights, names, circle, where)
+    small = found.shades and circle.r < SMALL
+    if not small:
+        check_number(highlights, names, circle, where)
+        check_sizes(highlights, names, circle, where)
     moved = [h and h.moved(x0, y0) for h in highlights]
     astray = ()
     if found.shades:
@@ -169,8 +177,34 @@ def _one(
         astray = tuple(j for j, h in enumerate(moved) if h and _elsewhere(found, j, h))
     moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
+    if small:
+        xy = _by_shadows(read, len(names), circle, xy, found.xy)
+        astray = tuple(j for j in astray if np.isnan(xy[j, 0]))
+        moved = [
+            replace(h or UNSEEN, x=float(x), y=float(y)) if np.isfinite(x) else None
+            for h, (x, y) in zip(moved, xy, strict=True)
+        ]
+        check_number(moved, names, circle, where)
     L, points = directions(circle, xy, camera.focal_px, camera.axis(shape))
     return Sphere(where, circle, found.rival, tuple(moved), L, points, (shape[0], shape[1]), found.notes, astray)
+
+
+def _by_shadows(read: Photograph, n: int, circle: Circle, xy: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Highlights (n, 2) of a small sphere as it and its shadows tell them together.
+
+    Parameters
+    ----------
+    xy : its highlights, NaN where none was seen
+    begin : where the search took them to be
+    """
+    half = REACH[1] * circle.r + 2
+    x0, y0 = max(0, int(circle.x - half)), max(0, int(circle.y - half))
+    box = np.s_[y0 : int(circle.y + half) + 2, x0 : int(circle.x + half) + 2]
+    scale = max(1.0, PLACE_SIZE / (2 * half))
+    around = Surroundings.of([root(read(j)[box], scale) for j in range(n)], scale)
+    x, y = ((a + 0.5) * scale - 0.5 for a in (circle.x - x0, circle.y - y0))
+    cast = faint.near(around, Circle(x, y, circle.r * scale), (begin - (x0, y0) + 0.5) * scale - 0.5)
+    return faint.moved(xy, (cast + 0.5) / scale - 0.5 + (x0, y0), circle)
 
 
 def _as_told(found: Found, j: int, highlight: Highlight) -> Highlight:

@@ -30,6 +30,12 @@ def test_no_help_speaks_of_none(command, capsys):
     assert "None" not in help_of(command, capsys)
 
 
+@pytest.mark.parametrize("command", [c.__name__.lower() for c in COMMANDS])
+def test_what_to_give_is_named_and_no_default_is_empty(command, capsys):
+    said = " ".join(help_of(command, capsys).replace("│", "").split())
+    assert "STR" not in said and "(default: )" not in said and "(default: '')" not in said
+
+
 def test_options_of_measure_stand_in_groups_with_their_choices(capsys):
     said = help_of("measure", capsys)
     groups = [said.index(f" {name} options ") for name in ("capture", "lights", "corrections", "method", "results")]

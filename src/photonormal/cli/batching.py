@@ -66,7 +66,7 @@ class Going:
 class Batch:
     """Results of many captures, one process each; what is done is not done again."""
 
-    captures: Positional[tuple[str, ...]]
+    captures: Positional[Annotated[tuple[str, ...], shown("CAPTURE")]]
     """Patterns such as 'season/*', folders, .lp files, and lists (.csv, .toml) of captures with their own options."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
     """Folder for a folder of results for each capture, and the summary of all."""

@@ -12,6 +12,7 @@ import tyro
 from tyro.conf import OmitArgPrefixes, Positional
 
 from photonormal.cli.kinds import File, Millimetres, tell
+from photonormal.cli.photographs import Layout
 from photonormal.options import Frame
 from photonormal.types import Capture, InputError, Normals
 
@@ -45,7 +46,7 @@ class Score:
     """The capture, with ground truth."""
     result: Positional[Path]
     """Folder that `measure` wrote, or a normal map (.npz, .npy, .mat, or a picture)."""
-    format: str = "auto"
+    format: Layout = "auto"
     """Layout of the capture."""
     frame: MapFrame = "auto"
     """Frame of the result's normals; auto: what the file tells, or its curl."""

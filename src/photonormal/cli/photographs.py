@@ -22,6 +22,8 @@ from photonormal.cli.kinds import (
 )
 from photonormal.options import DrawnOn, Frame, Scale
 
+Layout = Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(('auto', *FORMATS))}}}")]
+
 
 @dataclass(frozen=True)
 class Files:
@@ -33,7 +35,7 @@ class Files:
     """Mask picture, white on the object, instead of the capture's own."""
     mask_on: Annotated[DrawnOn, shown("{stored,shown}")] = ""
     """What a mask was drawn on where Exif's orientation turns the photographs: stored samples, or what viewers show."""
-    format: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(('auto', *FORMATS))}}}")] = "auto"
+    format: Layout = "auto"
     """Layout of the capture, where its content does not tell."""
     prefer: Annotated[Literal["", "raw", "jpeg", "tiff", "png", "exr"], shown("{raw,jpeg,tiff,png,exr}")] = ""
     """Which file to take where each photograph is there in two kinds."""

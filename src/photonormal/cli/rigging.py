@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from photonormal.capture import lights_from
-from photonormal.cli.kinds import Box, File, Folder, Millimetres, Numbers, Pixels, next_step, warn, words_of
+from photonormal.cli.kinds import Box, File, Folder, Millimetres, Numbers, Pixels, next_step, shown, warn, words_of
 from photonormal.cli.photographs import Photographs, Read
 from photonormal.options import Count, Frame
 from photonormal.types import InputError, printable
@@ -32,7 +32,7 @@ class Calibrate:
     """There is no sphere: directions and intensities are found from FOLDER's photographs of the object."""
     out: Path = Path("lights.lp")
     """File to write; light_directions.txt, a JSON report and a picture of what was found are written beside it."""
-    circle: Annotated[tuple[str, ...], tyro.conf.arg(metavar="X,Y,R")] = ()
+    circle: Annotated[tuple[str, ...], shown("X,Y,R")] = ()
     """Outlines x,y,r in pixels from the upper left, one for each sphere; found where none are given."""
     count: Count = 1
     """Spheres that each photograph shows."""

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+import tyro
 from tyro.conf import Positional, UseAppendAction
 
-from photonormal.cli.kinds import Folder, shown
-from photonormal.options import Angle, Count, Device, Positive, Precision, Seed, Whole
+from photonormal.cli.kinds import Folder, Name, Names, Where, shown
+from photonormal.options import Angle, Count, Positive, Precision, Seed, Whole
 from photonormal.types import InputError
 
 
@@ -18,24 +19,24 @@ from photonormal.types import InputError
 class Bench:
     """Predict the normals of a benchmark's objects by several methods, and store them."""
 
-    benchmark: Positional[str]
+    benchmark: Positional[Annotated[str, tyro.conf.arg(metavar="BENCHMARK")]]
     """diligent, captures (your own, each with Normal_gt.mat), materials, cycles, blobby or lightstage."""
     root: Positional[Path]
     """Folder with the benchmark's objects; absent ones are left blank."""
     out: Path = Path("runs")
     """Folder of the predictions; what it holds is not predicted again."""
-    methods: str = "all"
+    methods: Annotated[str, tyro.conf.arg(metavar="NAMES")] = "all"
     """Methods like woodham,l1; one may enter again as label=method:option=value."""
-    images: str = "all"
+    images: Annotated[str, tyro.conf.arg(metavar="COUNTS")] = "all"
     """How many images: all, or counts like 10 or 8,16,96."""
     draws: Whole = 10
     """Random draws of fixed seeds where fewer than all images are used, besides the one of PS-FCN's code."""
-    fixed: tuple[Path, ...] = ()
+    fixed: Annotated[tuple[Path, ...], shown("FILE")] = ()
     """Text files with image numbers like 1-10,15, or lines `object: 1-10,15`."""
-    objects: str = ""
+    objects: Names = ""
     """Only these objects, like ball,cat."""
-    device: Device = "auto"
-    """auto, cpu or cuda."""
+    device: Where = "auto"
+    """Where methods compute."""
     precision: Precision = "auto"
     """What networks compute in: float32 or bf16; auto: bf16 where the machine has instructions for it."""
     jobs: Count = 1
@@ -75,9 +76,9 @@ class Table:
     """Print JSON."""
     latex: bool = False
     """Print LaTeX."""
-    methods: str = ""
+    methods: Names = ""
     """Only these, like woodham,l1."""
-    datasets: str = ""
+    datasets: Names = ""
     """Only these, like diligent."""
     published: bool = False
     """Add published figures of methods that are not in photonormal."""
@@ -98,17 +99,17 @@ class Table:
 class Figure:
     """A figure from stored predictions, or from training logs, as PNG and PDF."""
 
-    name: Positional[str]
+    name: Positional[Annotated[str, tyro.conf.arg(metavar="FIGURE")]]
     """errors, normals, images, seconds, materials or convergence."""
-    places: Positional[tuple[str, ...]]
+    places: Positional[Annotated[tuple[str, ...], shown("RUNS")]]
     """The folder that `bench` wrote; for convergence, folders of trainings, as FOLDER or LABEL=FOLDER."""
     out: Folder = None
     """Folder to write into; by default `figures` in the folder of runs."""
-    dataset: str = ""
+    dataset: Name = ""
     """Which dataset, where the runs hold several."""
-    methods: str = ""
+    methods: Names = ""
     """Only these, like woodham,l1, in this order."""
-    objects: str = ""
+    objects: Names = ""
     """Only these, like ball,cat, in this order."""
     limit: Annotated[Angle | None, shown("N")] = None
     """Error in degrees of the last colour of error maps."""
@@ -134,11 +135,11 @@ class Report:
     """Folder that `bench` wrote."""
     out: Path = Path("report.html")
     """File to write."""
-    methods: str = ""
+    methods: Names = ""
     """Only these, like woodham,l1."""
-    datasets: str = ""
+    datasets: Names = ""
     """Only these, like diligent."""
-    objects: str = ""
+    objects: Names = ""
     """Objects to show maps of; by default up to 12 of each dataset."""
     surfaces: bool = True
     """Integrate the normals of each object's best method."""
@@ -170,8 +171,8 @@ def listed(text: str) -> list[str]:
 class Render:
     """Rendered captures with exact normals."""
 
-    recipe: Positional[str]
-    """One of photonormal.synth.RECIPES: demo, train, validation, ..."""
+    recipe: Positional[Annotated[str, tyro.conf.arg(metavar="RECIPE")]]
+    """What is rendered: objects, demo, train, validation and others; a wrong name lists them."""
     out: Path
     """Folder to write; it must not exist yet, or be empty."""
     count: Count = 1
@@ -180,8 +181,8 @@ class Render:
     """Write contact-sheet.png, too."""
     layout: Annotated[str | None, shown("NAME")] = None
     """diligent (a folder each, for `measure`), blobby or shards; by default the recipe's own."""
-    device: Device = "auto"
-    """auto, cpu or cuda."""
+    device: Where = "auto"
+    """Where it is rendered."""
     seed: Seed = 0
     """Another seed, other samples."""
 
@@ -210,8 +211,8 @@ class Render:
 class Train:
     """Train a network; stopped at any moment it goes on from its last checkpoint with --resume."""
 
-    recipe: Positional[str]
-    """One of photonormal.train.recipes.RECIPES: paper, cpu, normalnet, ..."""
+    recipe: Positional[Annotated[str, tyro.conf.arg(metavar="RECIPE")]]
+    """What is learned: paper, cpu, normalnet and others; a wrong name lists them."""
     out: Path
     """Folder for checkpoint, journal, TensorBoard and weights."""
     data: UseAppendAction[tuple[Path, ...]] = ()
@@ -224,13 +225,13 @@ class Train:
     """Length in place of the recipe's."""
     resume: bool = False
     """Go on from the checkpoint in OUT."""
-    device: Device = "auto"
-    """auto, cpu or cuda; several by torchrun."""
+    device: Where = "auto"
+    """Where it learns; on several devices by torchrun."""
     seed: Seed = 0
     """Of the weights and of the scenes: another seed never sees the same ones."""
     start_from: Annotated[Path | None, shown("FILE")] = None
     """Weights file to begin with, in place of random weights."""
-    name: str = ""
+    name: Name = ""
     """Of the weights file; by default the recipe's."""
     precision: Precision = "auto"
     """What the network computes in: float32 or bf16; auto: as before with --resume, else as `measure` does."""

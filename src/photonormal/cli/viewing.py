@@ -17,7 +17,7 @@ from photonormal.types import InputError
 class View:
     """A page in the browser to relight, turn, measure and compare results, or to mark photographs; Ctrl-C ends it."""
 
-    folders: Positional[tuple[Path, ...]]
+    folders: Positional[Annotated[tuple[Path, ...], shown("FOLDER")]]
     """Folders that `measure` wrote; or one folder of photographs, to mark its mask, a sphere, pictures to leave out."""
     capture: Folder = None
     """The photographs of the first result, where they are no longer where its report says."""

@@ -130,6 +130,17 @@ def test_a_tile_is_the_waves_without_their_slope_and_without_a_seam(sloping, tmp
         assert np.abs(cut[:, 0] - cut[:, -1]).max() > 0.3
 
 
+def test_a_tile_that_bends_what_it_shows_is_doubted(sloping, tmp_path, capsys, caplog):
+    maps(sloping, tmp_path / "t", "--tile")
+    assert not caplog.messages and "no roughness" in capsys.readouterr().err
+    y, x = 0.8 * (np.mgrid[:SIZE, :SIZE] / SIZE - 0.5) * 2
+    dome = normalised(np.stack([x, -y, np.ones_like(x)], -1)).astype(np.float32)
+    write_diligent(tmp_path / "dome", lambertian(Normals(dome, np.ones((SIZE, SIZE), bool)), ring(8)))
+    assert main(["measure", str(tmp_path / "dome"), "--out", str(tmp_path / "r"), "--method", "woodham"]) == 0
+    maps(tmp_path / "r", tmp_path / "d", "--tile")
+    assert "hardly meet" in caplog.messages[-1] and "--crop" in caplog.messages[-1]
+
+
 def test_what_is_no_tile_and_what_is_there_is_refused(measured, tmp_path, refused, monkeypatch):
     out = tmp_path / "a"
     refused("--to", "maps", "--out", out, "--tile", says="--crop")

@@ -117,7 +117,10 @@ class Export:
         if self.to == "maps":
             from photonormal.handover.maps import export_maps
 
-            return export_maps(self.result, out, self.program, self.tile, self.mm_per_px, self.overwrite, self.exr)
+            path = export_maps(self.result, out, self.program, self.tile, self.mm_per_px, self.overwrite, self.exr)
+            if not (self.result / "roughness.png").is_file():
+                tell("the result has no roughness and no metalness; `photonormal measure --materials` finds them.")
+            return path
         if self.to:
             from photonormal.handover.relightable import export_relighting
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -19,8 +20,11 @@ from photonormal.integration import integrate
 from photonormal.integration.periodic import poisson
 from photonormal.types import InputError, Normals
 
+log = logging.getLogger(__name__)
+
 FILLED = 0.9  # share of a tile's pixels that must be known; the others take their neighbours' values
 STEEPEST = 20.0  # slope of a normal in a tile
+BENT = 0.2  # change of slopes, on average, above which a tile is no picture of the object
 HELD = 100  # bytes of each pixel while its height is found
 
 
@@ -59,9 +63,20 @@ def repeating(flat: Layers, of: Path) -> Iterator[Layers]:
                 f"the object of {of} fills {100 * share:.0f} % of its rectangle but --tile needs one that is full; "
                 "measure a part of the photographs with --crop x,y,width,height."
             )
+        bent = 0.0  # how much closing changed the slopes, besides their mean
         for k, plane in enumerate(planes):
             layer = closed(plane[:])
-            plane[:] = layer - layer.mean() if k in (3, 4) else layer.clip(0, 1)
+            if k in (3, 4):
+                bent = max(bent, float(np.abs(layer - plane[:]).mean()))
+                layer -= layer.mean()
+            plane[:] = layer if k in (3, 4) else layer.clip(0, 1)
+        if bent > BENT:
+            log.warning(
+                "the edges of %s hardly meet: closing the tile changes its slopes by %.1f on average, so that it looks "
+                "unlike the object. Measure a flatter part of the photographs with --crop x,y,width,height.",
+                of,
+                bent,
+            )
         yield _tile(flat, *planes)
 
 

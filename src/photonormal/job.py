@@ -195,9 +195,9 @@ def carry_out(
         try:
             K = read_camera(job.camera)
             capture, reading, extra = _read(job, opened)
-            with whole_folder(
-                job.out, job.overwrite, files_read(job.capture, capture, job.camera, *reading.values())
-            ) as folder:
+            made = [job.out / name for name in extra.files]  # of an earlier result, too
+            others = (v for v in (job.camera, *reading.values()) if v not in made)
+            with whole_folder(job.out, job.overwrite, files_read(job.capture, capture, *others)) as folder:
                 result = measure(
                     capture,
                     method,

@@ -85,6 +85,11 @@ def test_a_result_that_is_none_is_refused_in_one_line(copy, run, tmp_path, spoil
     assert not (tmp_path / "p.html").exists()
 
 
+def test_of_a_folder_of_results_one_is_named(result, run):
+    code, _, err = run("export", result.parent, "--relit", "45,30", "--out", result.parent / "p.png")
+    assert code == 2 and f"a result in it, such as {result.parent}" in err and len(err.splitlines()) == 1
+
+
 def test_photographs_of_another_size_are_refused(copy, run, tmp_path):
     code, _, err = run("export", copy, "--page", tmp_path / "p.html", "--capture", "demo")
     assert code == 2 and "--capture" in err and len(err.splitlines()) == 1

@@ -206,7 +206,11 @@ def report_of(folder: Path) -> Report:
         raise InputError(f"{folder} is no folder; give one that `photonormal measure` wrote.")
     recover(folder)
     if not is_result(folder):
-        raise InputError(f"{folder} holds no {REPORT} and normals.npz; give a folder that `photonormal measure` wrote.")
+        inside = [p.name for p in sorted(folder.iterdir()) if p.is_dir() and is_result(p)]
+        which = f"a result in it, such as {folder / inside[0]}" if inside else ""
+        raise InputError(
+            f"{folder} holds no {REPORT} and normals.npz; give {which or 'a folder that `photonormal measure` wrote'}."
+        )
     return read_json(folder / REPORT, Report, AGAIN)
 
 

@@ -28,7 +28,7 @@ from photonormal.methods import DEFAULT
 from photonormal.methods.albedo import lambertian_albedo
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.compare import lights
-from photonormal.synth.pathtraced.meshes import Mesh
+from photonormal.synth.pathtraced.meshes import Triangles
 from photonormal.synth.pathtraced.objects import OBJECTS
 from photonormal.types import Capture, Normals
 
@@ -84,7 +84,7 @@ def heights(kind: str, g: np.random.Generator) -> tuple[np.ndarray, np.ndarray, 
     return x, y, z
 
 
-def mesh(kind: str, g: np.random.Generator) -> Mesh:
+def mesh(kind: str, g: np.random.Generator) -> Triangles:
     if kind in ("turtle", "paperbowl"):
         return OBJECTS["bowl" if kind == "paperbowl" else kind](None)
     x, y, z = heights(kind, g)
@@ -92,7 +92,7 @@ def mesh(kind: str, g: np.random.Generator) -> Mesh:
     i = np.arange(GRID**2).reshape(GRID, GRID)
     a, b, c, d = (each.ravel() for each in (i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]))
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
-    return Mesh(np.nan_to_num(vertices), faces[np.isfinite(vertices[faces]).all((1, 2))])
+    return Triangles(np.nan_to_num(vertices), faces[np.isfinite(vertices[faces]).all((1, 2))])
 
 
 def rendered(kind: str, seed: int) -> Scene:
@@ -106,7 +106,7 @@ def rendered(kind: str, seed: int) -> Scene:
         wave, phase = g.normal(0, 4, (3, 3)), g.uniform(0, 6, 3)
         colour = colour * (1 - 0.5 * (np.sin(made.vertices @ wave.T + phase) > 0) * g.uniform(0.2, 1, 3))
     colour = colour.clip(0.03, 0.95)
-    made = Mesh(made.vertices, made.faces, made.normals, {"vertex_color": colour})
+    made = Triangles(made.vertices, made.faces, made.normals, {"vertex_color": colour})
     reflectance = {"type": "mesh_attribute", "name": "vertex_color"}
     camera = tracer.OrthographicCamera(size=SIZE)
     scene = tracer.build(

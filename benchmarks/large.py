@@ -167,7 +167,7 @@ def _peak_mb() -> float:
 def measured(capture: str, arguments: argparse.Namespace) -> None:
     """In the child: measure one capture, write its results, and print what that took as JSON."""
     import photonormal.capture.images as images
-    from photonormal.capture.store import SIDE
+    from photonormal.capture.store import scratch_nbytes
     from photonormal.export.folder import whole_folder
     from photonormal.export.result import write_result
 
@@ -189,7 +189,7 @@ def measured(capture: str, arguments: argparse.Namespace) -> None:
         "peak_mb": stages.peak_mb,
         "most_mb": stages.most_mb,
         "decodes": len(decodes) / loaded.images.shape[0],
-        "scratch_mb": 0 if store.in_memory else store._nbytes(SIDE, SIDE) / 1e6,
+        "scratch_mb": 0 if store.in_memory else scratch_nbytes(store.shape, store.dtype) / 1e6,
         "results_mb": written / 1e6,
         "warnings": report["warnings"],
     }

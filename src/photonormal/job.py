@@ -114,7 +114,7 @@ def _made(method: str, lights: LightsFrom) -> Made:
 
 
 @dataclass(frozen=True)
-class Part:
+class SolvedRows:
     """What a process has found of some rows of a capture.
 
     Parameters
@@ -148,7 +148,7 @@ def divided(job: Job, megapixels: float, count: int) -> list[slice]:
     return parts.divided(configure(method, **options), capture, count)
 
 
-def solve_part(job: Job, rows: slice) -> Part:
+def solve_part(job: Job, rows: slice) -> SolvedRows:
     """What the method finds of some rows of a capture.
 
     Raises
@@ -165,13 +165,13 @@ def solve_part(job: Job, rows: slice) -> Part:
     with noted() as opened, computing_in(job.precision):
         capture, _, _ = _read(job, opened)
         found = run(configure(method, **options), capture, torch_device(job.device), rows)
-    return Part(found, opened, time.perf_counter() - start)
+    return SolvedRows(found, opened, time.perf_counter() - start)
 
 
 def carry_out(
     job: Job,
     read: dict[Path, Opened] | None = None,
-    parts: Sequence[Part] = (),
+    parts: Sequence[SolvedRows] = (),
     beside: Callable[[Result], Mapping[str, bytes]] = lambda result: {},
 ) -> dict[str, Any]:
     """Measure a capture and write its result; returns the report, as written.

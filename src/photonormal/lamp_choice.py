@@ -37,7 +37,7 @@ DRAWS = 10  # choices by chance that it is compared with
 
 
 @dataclass(frozen=True)
-class Choice:
+class ChosenLamps:
     """What `choose` found.
 
     Parameters
@@ -54,7 +54,7 @@ class Choice:
     chance_deg: float
 
 
-def choose_from(path: Path, count: int, out: Path | None = None, overwrite: bool = False) -> Choice:
+def choose_from(path: Path, count: int, out: Path | None = None, overwrite: bool = False) -> ChosenLamps:
     """The choice from a file of lights; `out`: an .lp file to write them into."""
     if out is not None:
         refuse_taken([out], overwrite, reads=[path])
@@ -67,7 +67,7 @@ def choose_from(path: Path, count: int, out: Path | None = None, overwrite: bool
     return found
 
 
-def choose(lights: Float[np.ndarray, "n 3"], count: int, net: Network | None = None) -> Choice:
+def choose(lights: Float[np.ndarray, "n 3"], count: int, net: Network | None = None) -> ChosenLamps:
     """`count` of a rig's lamps under which `net`, the package's lmps by default, errs least on rendered objects.
 
     It starts from lamps that are spread evenly and exchanges one after the other for the best of all others, until no
@@ -88,7 +88,7 @@ def choose(lights: Float[np.ndarray, "n 3"], count: int, net: Network | None = N
         draws = [np.random.default_rng(k).permutation(n)[:count] for k in range(DRAWS)]
         chance = float(np.mean([checked.error_deg(net, draw.tolist()) for draw in draws]))
         kept = checked.error_deg(net, lamps)
-        return Choice(tuple(sorted(lamps)), kept, checked.error_deg(net, list(range(n))), chance)
+        return ChosenLamps(tuple(sorted(lamps)), kept, checked.error_deg(net, list(range(n))), chance)
 
 
 def exchanged(

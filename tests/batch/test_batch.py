@@ -15,7 +15,7 @@ from photonormal import disk
 from photonormal.batch import run, state, workers
 from photonormal.batch.work import work
 from photonormal.cli import batching
-from photonormal.disk import Batch
+from photonormal.disk import FileBatch
 from photonormal.export.result import write_result
 from tests.batch.conftest import cut, normals
 
@@ -195,7 +195,7 @@ def test_what_another_is_just_at_is_waited_for_and_not_failed(season, tmp_path, 
     results, looks = tmp_path / "results", iter(range(3))
     batch()
     shutil.rmtree(results / "vase-0")
-    other = Batch(results / "vase-0")
+    other = FileBatch(results / "vase-0")
     other.open(0)
 
     def in_use(folder):

@@ -15,7 +15,7 @@ if importlib.util.find_spec("mitsuba") is None:
     pytest.skip("Mitsuba is not installed", allow_module_level=True)
 
 from photonormal.synth.pathtraced import render_scene_set
-from photonormal.synth.pathtraced.meshes import Mesh, polygonise, read_mesh
+from photonormal.synth.pathtraced.meshes import Triangles, polygonise, read_mesh
 from photonormal.synth.pathtraced.objects import OBJECTS, sphere
 from photonormal.synth.pathtraced.reflectance import bsdf, evaluate, measured
 from photonormal.synth.pathtraced.tracer import OrthographicCamera, build, eroded, look, reached, stock, trace
@@ -215,4 +215,4 @@ def test_erosion_takes_one_pixel_off():
     mask = np.zeros((7, 7), bool)
     mask[1:6, 1:6] = True
     assert eroded(mask).sum() == 9
-    assert isinstance(Mesh(np.zeros((3, 3)), np.zeros((1, 3), int)).smooth_normals(), np.ndarray)
+    assert isinstance(Triangles(np.zeros((3, 3)), np.zeros((1, 3), int)).smooth_normals(), np.ndarray)

@@ -22,7 +22,7 @@ from photonormal.batch.state import record_failure, state_of
 from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, work
 from photonormal.disk import in_use
 from photonormal.files import memory
-from photonormal.job import Part, divided, solve_part
+from photonormal.job import SolvedRows, divided, solve_part
 from photonormal.provenance import Program, program
 from photonormal.resources import cores
 from photonormal.types import InputError
@@ -216,7 +216,7 @@ def _measure(
     needed: Program,
     nbytes: int,
     split: Split | None,
-    parts: Sequence[Part | Exception] = (),
+    parts: Sequence[SolvedRows | Exception] = (),
     shares: Mapping[str, int] = {},
 ) -> Outcome | Large:
     """What a worker does with a capture, or with what others have found of its rows. Where one of them has failed, it
@@ -229,13 +229,13 @@ def _measure(
                     rows = divided(named.job, *split)
                     if len(rows) > 1:
                         return Large(rows)
-            found = [part for part in parts if isinstance(part, Part)]
+            found = [part for part in parts if isinstance(part, SolvedRows)]
             return work(named, found if len(found) == len(parts) else ())
     except OtherProgram as error:
         return Outcome(named.name, 0.0, str(error), "killed")
 
 
-def _solve(named: Named, needed: Program, nbytes: int, rows: slice) -> Part | Exception:
+def _solve(named: Named, needed: Program, nbytes: int, rows: slice) -> SolvedRows | Exception:
     """What a worker does with some rows of a capture."""
     try:
         with _at_work(named, needed, nbytes, tells=rows.start == 0):

@@ -15,7 +15,7 @@ from photonormal.resources import take_share
 from photonormal.types import InputError
 
 if TYPE_CHECKING:
-    from photonormal.job import Part
+    from photonormal.job import SolvedRows
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def use_threads(count: int) -> None:
     take_share(count)
 
 
-def work(named: Named, parts: Sequence[Part] = ()) -> Outcome:
+def work(named: Named, parts: Sequence[SolvedRows] = ()) -> Outcome:
     """Measure one capture and write its result, or tell in its folder why that can't be.
 
     `parts`: what other processes have found of its rows.

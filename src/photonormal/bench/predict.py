@@ -37,14 +37,14 @@ log = logging.getLogger(__name__)
 
 
 @dataclass
-class Outcome:
+class RunOutcome:
     """What a run did: predictions made, predictions that were there, and what failed, a line each."""
 
     predicted: int = 0
     kept: int = 0
     failures: list[str] = field(default_factory=list)
 
-    def add(self, other: Outcome) -> None:
+    def add(self, other: RunOutcome) -> None:
         self.predicted += other.predicted
         self.kept += other.kept
         self.failures += other.failures
@@ -62,7 +62,7 @@ def bench(
     device: str = "auto",
     jobs: int = 1,
     precision: Precision = "auto",
-) -> Outcome:
+) -> RunOutcome:
     """Predict normals of a benchmark's objects and store them; what is stored already is not predicted again.
 
     Parameters
@@ -81,7 +81,7 @@ def bench(
 
     Returns
     -------
-    Outcome; an object or a method that fails is one of its failures, and the others go on.
+    RunOutcome; an object or a method that fails is one of its failures, and the others go on.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def bench(
     chosen = _named(items(benchmark, Path(root)), objects)
     if jobs < 1:
         raise InputError(f"--jobs {jobs} came but 1 or more are needed.")
-    outcome = Outcome()
+    outcome = RunOutcome()
     ready = []
     for entry in contest:
         try:
@@ -118,10 +118,10 @@ def bench(
 
 def run_object(
     item: Item, contest: list[Entry], plan: Plan, out: Path, device: str, precision: Precision = "auto", jobs: int = 1
-) -> Outcome:
+) -> RunOutcome:
     """Every method on every selection of one object."""
 
-    outcome = Outcome()
+    outcome = RunOutcome()
     try:
         capture = item.load()
         selections = plan.of(item, capture.images.shape[0])
@@ -223,7 +223,7 @@ def _named(found: list[Item], names: str) -> list[Item]:
     return [i for i in found if not wanted or i.name in wanted]
 
 
-def _each(run: partial[Outcome], chosen: list[Item], jobs: int) -> Iterator[Outcome]:
+def _each(run: partial[RunOutcome], chosen: list[Item], jobs: int) -> Iterator[RunOutcome]:
     """The outcome of each object, as they come."""
     if jobs == 1:
         yield from map(run, chosen)
@@ -238,7 +238,7 @@ def _each(run: partial[Outcome], chosen: list[Item], jobs: int) -> Iterator[Outc
                 yield future.result()
             except BrokenProcessPool:
                 item = waiting[future]
-                yield Outcome(failures=[f"{item.dataset}, {item.name}: a process ended early; use fewer --jobs."])
+                yield RunOutcome(failures=[f"{item.dataset}, {item.name}: a process ended early; use fewer --jobs."])
     except BaseException:
         for process in multiprocessing.active_children():
             process.terminate()

@@ -17,7 +17,7 @@ from photonormal.types import Image, InputError, in_pixels
 
 
 @dataclass(frozen=True)
-class Plane:
+class PicturePart:
     """A part of a file that is a picture by itself: a page of a stack, or one channel under a light of its own.
 
     Parameters
@@ -38,7 +38,7 @@ class Plane:
 
 
 COLOURS = ("red", "green", "blue")
-Picture = Path | Plane | tuple[Path, ...]  # a file, a part of one, or several whose sum is the picture
+Picture = Path | PicturePart | tuple[Path, ...]  # a file, a part of one, or several whose sum is the picture
 
 ROWS = 8  # every so many rows of a picture tell whether another may be equal
 MARGIN = 8  # pixels kept around the mask's bounding box
@@ -46,25 +46,25 @@ MARGIN = 8  # pixels kept around the mask's bounding box
 
 def parts(picture: Picture) -> tuple[Path, ...]:
     """The files of a picture."""
-    if isinstance(picture, Plane):
+    if isinstance(picture, PicturePart):
         return (picture.path,)
     return picture if isinstance(picture, tuple) else (picture,)
 
 
 def name_of(picture: Picture) -> str:
     """What reports call a picture: its file's name, and which part of it."""
-    return picture.name if isinstance(picture, Plane) else parts(picture)[0].name
+    return picture.name if isinstance(picture, PicturePart) else parts(picture)[0].name
 
 
 def size_of(picture: Picture, frame: tuple[int, int] | None = None) -> tuple[int, int]:
     """Height and width of a picture by its header, which must be `frame` where given."""
-    return frame_of(parts(picture)[0], frame, picture.page if isinstance(picture, Plane) else None)
+    return frame_of(parts(picture)[0], frame, picture.page if isinstance(picture, PicturePart) else None)
 
 
-def planes(picture: Picture) -> list[Plane]:
+def planes(picture: Picture) -> list[PicturePart]:
     """The three channels of a photograph as pictures."""
-    file, page = (picture.path, picture.page) if isinstance(picture, Plane) else (parts(picture)[0], None)
-    return [Plane(file, page, channel) for channel in range(3)]
+    file, page = (picture.path, picture.page) if isinstance(picture, PicturePart) else (parts(picture)[0], None)
+    return [PicturePart(file, page, channel) for channel in range(3)]
 
 
 def read_mask(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
@@ -171,7 +171,7 @@ class ImageFiles:
     def own(self, frame: np.ndarray, j: int) -> np.ndarray:
         """What a frame (h, w, c) of the whole camera holds for picture `j`, which may be one channel of it."""
         picture = self.pictures[j]
-        channel = picture.channel if isinstance(picture, Plane) else None
+        channel = picture.channel if isinstance(picture, PicturePart) else None
         return frame if channel is None or frame.shape[2] == 1 else frame[..., channel, None]
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
@@ -187,7 +187,7 @@ class ImageFiles:
         (h, w), c, scale = size, self.shape[3], self.scale
         if self.encodings[j].curves:
             picture = self.pictures[j]
-            channel = picture.channel if isinstance(picture, Plane) else None
+            channel = picture.channel if isinstance(picture, PicturePart) else None
             samples, scale = self.encodings[j].linear(samples, channel), np.float32(1)
         image = np.zeros((h, w * c), np.float32)  # whole rows: numpy is slow where it scales three channels at a time
         rows, columns = at
@@ -201,7 +201,7 @@ class ImageFiles:
 
 def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarray:
     """Samples of a file or a part of it; of several files, their sum as a fraction of full scale, float32."""
-    if isinstance(picture, Plane):
+    if isinstance(picture, PicturePart):
         samples = decode(picture.path, frame, picture.page)
         if picture.channel is not None and samples.shape[2] != 3:
             raise InputError(

@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from photonormal.capture.images import Picture, Plane, name_of, parts
+from photonormal.capture.images import Picture, PicturePart, name_of, parts
 from photonormal.capture.lights.match import stem
 from photonormal.files.decode import RAW, SUFFIXES, pages_of
 from photonormal.types import InputError
@@ -99,7 +99,7 @@ def pages(pictures: Sequence[Path]) -> list[Picture]:
             n = pages_of(path) if path.suffix.lower() in PREFER["tiff"] else 1
         except InputError:
             n = 1
-        found += [path] if n == 1 else [Plane(path, page) for page in range(n)]
+        found += [path] if n == 1 else [PicturePart(path, page) for page in range(n)]
     return found
 
 
@@ -125,7 +125,7 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
     """What to say where a capture has more or fewer pictures than a source has lights: which pictures look odd."""
     n, names = len(pictures), [name_of(p) for p in pictures]
     odd = _named_unlike_the_others(names)
-    stacks = sorted({p.path.name for p in pictures if isinstance(p, Plane) and p.page is not None})
+    stacks = sorted({p.path.name for p in pictures if isinstance(p, PicturePart) and p.page is not None})
     if odd:
         some = ", ".join(odd[:5]) + (f" and {len(odd) - 5} more" if len(odd) > 5 else "")
         hint = (
@@ -158,7 +158,7 @@ def refuse_repeated(pictures: Sequence[Picture]) -> None:
     seen: dict[tuple, Path] = {}
     for picture, path in ((p, path) for p in pictures for path in parts(p)):
         status = os.stat(path)
-        part = (picture.page, picture.channel) if isinstance(picture, Plane) else ()
+        part = (picture.page, picture.channel) if isinstance(picture, PicturePart) else ()
         first = seen.setdefault((status.st_dev, status.st_ino, *part), path)
         if first is not path:
             raise InputError(

@@ -7,13 +7,14 @@ is read from few places. It has no name: nothing is left of it when the process 
 from __future__ import annotations
 
 import logging
-import mmap
+import math
 from collections.abc import Callable
 from threading import Lock
 
 import numpy as np
 
 from photonormal.files import memory
+from photonormal.files.scratch import Scratch
 
 log = logging.getLogger(__name__)
 
@@ -35,12 +36,12 @@ class Store:
         self._known = [False] * shape[0]
         self._locks = [Lock() for _ in range(shape[0])]
         self._opening = Lock()
-        self._blocks: np.ndarray | None = None  # (rows, columns, n, side, side, c)
+        self._blocks: Held | OnDisk | None = None
 
     @property
     def in_memory(self) -> bool:
         """Whether all samples fit; at the side of what is done with them."""
-        return self._nbytes(*self.shape[1:3]) * SHARE <= memory.allowed()
+        return math.prod(self.shape) * self.dtype.itemsize * SHARE <= memory.allowed()
 
     def window(self, j: int, rows: slice, columns: slice) -> np.ndarray:
         """A part of picture `j`, which is read first if it has not been."""
@@ -48,62 +49,82 @@ class Store:
         if not self._known[j]:
             with self._locks[j]:
                 if not self._known[j]:
-                    self._put(j, self.read(j))
+                    blocks.put(j, self.read(j))
                     self._known[j] = True
-        a, b = blocks.shape[3:5]
-        found = np.empty((rows.stop - rows.start, columns.stop - columns.start, self.shape[3]), self.dtype)
-        for y in range(rows.start // a, -(-rows.stop // a)):
-            for x in range(columns.start // b, -(-columns.stop // b)):
-                top, left = max(rows.start, y * a), max(columns.start, x * b)
-                bottom, right = min(rows.stop, (y + 1) * a), min(columns.stop, (x + 1) * b)
-                part = blocks[y, x, j, top - y * a : bottom - y * a, left - x * b : right - x * b]
-                if part.shape == found.shape and not isinstance(blocks, np.memmap):
-                    return part
-                found[top - rows.start : bottom - rows.start, left - columns.start : right - columns.start] = part
-                self._unmap(y, x, j)
-        return found
-
-    def _put(self, j: int, samples: np.ndarray) -> None:
-        blocks = self.blocks
-        a, b = blocks.shape[3:5]
-        for y in range(blocks.shape[0]):
-            for x in range(blocks.shape[1]):
-                part = samples[y * a : (y + 1) * a, x * b : (x + 1) * b]
-                blocks[y, x, j, : part.shape[0], : part.shape[1]] = part
-                self._unmap(y, x, j)
-
-    def _unmap(self, y: int, x: int, j: int) -> None:
-        """Of a scratch file, let go of the memory that shows a block: it would count as this process's."""
-        blocks, drop = self.blocks, getattr(mmap, "MADV_DONTNEED", None)
-        size = blocks[0, 0, 0].nbytes
-        if isinstance(blocks, np.memmap) and drop is not None and size % mmap.PAGESIZE == 0:
-            place = int(np.ravel_multi_index((y, x, j), blocks.shape[:3]))
-            blocks._mmap.madvise(drop, place * size, size)  # pyright: ignore[reportAttributeAccessIssue]
+        return blocks.window(j, rows, columns)
 
     @property
-    def blocks(self) -> np.ndarray:
-        """Where the samples lie: one block as large as the box in memory, or many of them on disk."""
+    def blocks(self) -> Held | OnDisk:
+        """Where the samples lie."""
         with self._opening:
             if self._blocks is None:
-                h, w = self.shape[1:3]
-                self._blocks = np.empty(self._laid_out(h, w), self.dtype) if self.in_memory else self._scratch()
+                self._blocks = Held(self.shape, self.dtype) if self.in_memory else OnDisk(self.shape, self.dtype)
         return self._blocks
 
-    def _scratch(self) -> np.ndarray:
-        nbytes = self._nbytes(SIDE, SIDE)
-        enough = memory.text_of(SHARE * nbytes, "")
-        with memory.scratch_file(nbytes, f", or allow more memory, such as --memory {enough}") as file:
-            log.warning(
-                "%s of photographs are kept in a scratch file in %s", memory.text_of(nbytes), memory.scratch_folder()
-            )
-            return np.memmap(file, self.dtype, "r+", shape=self._laid_out(SIDE, SIDE))
 
-    def _laid_out(self, a: int, b: int) -> tuple[int, ...]:
-        n, h, w, c = self.shape
-        return -(-h // a), -(-w // b), n, a, b, c
+class Held:
+    """Samples (n, h, w, c) in memory."""
 
-    def _nbytes(self, a: int, b: int) -> int:
-        return int(np.prod(self._laid_out(a, b), dtype=np.int64)) * self.dtype.itemsize
+    def __init__(self, shape: tuple[int, ...], dtype: np.dtype) -> None:
+        self.samples = np.empty(shape, dtype)
+
+    def put(self, j: int, samples: np.ndarray) -> None:
+        """Those of picture `j`."""
+        self.samples[j] = samples
+
+    def window(self, j: int, rows: slice, columns: slice) -> np.ndarray:
+        """A part of them."""
+        return self.samples[j, rows, columns]
+
+
+class OnDisk:
+    """Samples (n, h, w, c) in a scratch file: blocks of SIDE rows and columns, each with that part of all pictures."""
+
+    def __init__(self, shape: tuple[int, int, int, int], dtype: np.dtype) -> None:
+        n, h, w, c = shape
+        self.side, self.shape, self.dtype = SIDE, (n, -(-h // SIDE), -(-w // SIDE), c), dtype
+        self.row, self.nbytes = SIDE * c * dtype.itemsize, scratch_nbytes(shape, dtype)  # a row of a block, all
+        enough = memory.text_of(SHARE * self.nbytes, "")
+        self.scratch = Scratch(self.nbytes, f", or allow more memory, such as --memory {enough}")
+        log.warning(
+            "%s of photographs are kept in a scratch file in %s",
+            memory.text_of(self.nbytes),
+            memory.scratch_folder(),
+        )
+
+    def put(self, j: int, samples: np.ndarray) -> None:
+        """Those of picture `j`."""
+        s, block = self.side, np.zeros((self.side, self.side, self.shape[3]), self.dtype)
+        for y in range(self.shape[1]):
+            for x in range(self.shape[2]):
+                part = samples[y * s : (y + 1) * s, x * s : (x + 1) * s]
+                block[: part.shape[0], : part.shape[1]] = part
+                self.scratch.write(self.place(j, y, x), block[: part.shape[0]])
+
+    def window(self, j: int, rows: slice, columns: slice) -> np.ndarray:
+        """A part of them."""
+        s, c = self.side, self.shape[3]
+        found = np.empty((rows.stop - rows.start, columns.stop - columns.start, c), self.dtype)
+        for y in range(rows.start // s, -(-rows.stop // s)):
+            top, bottom = max(rows.start, y * s), min(rows.stop, (y + 1) * s)
+            for x in range(columns.start // s, -(-columns.stop // s)):
+                left, right = max(columns.start, x * s), min(columns.stop, (x + 1) * s)
+                block = np.empty((bottom - top, s, c), self.dtype)
+                self.scratch.read(self.place(j, y, x) + (top - y * s) * self.row, block)
+                found[top - rows.start : bottom - rows.start, left - columns.start : right - columns.start] = block[
+                    :, left - x * s : right - x * s
+                ]
+        return found
+
+    def place(self, j: int, y: int, x: int) -> int:
+        """Where a block of picture `j` begins."""
+        return ((y * self.shape[2] + x) * self.shape[0] + j) * self.side * self.row
+
+
+def scratch_nbytes(shape: tuple[int, int, int, int], dtype: np.dtype) -> int:
+    """Bytes of the scratch file that samples (n, h, w, c) would take."""
+    n, h, w, c = shape
+    return -(-h // SIDE) * -(-w // SIDE) * n * SIDE**2 * c * dtype.itemsize
 
 
 class Framed:

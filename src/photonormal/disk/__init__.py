@@ -5,15 +5,15 @@
 a folder can't be written.
 """
 
-from photonormal.disk.batch import Batch, Content, Inside, at_once, in_use, recover, write
+from photonormal.disk.batch import Content, FileBatch, Inside, at_once, in_use, recover, write
 from photonormal.disk.journal import PARTIAL
 from photonormal.disk.locking import lock, uninterrupted
 from photonormal.disk.refusals import InUse, identities, refuse_filled, refuse_folder, refuse_taken, unwritable
 
 __all__ = [
     "PARTIAL",
-    "Batch",
     "Content",
+    "FileBatch",
     "InUse",
     "Inside",
     "at_once",

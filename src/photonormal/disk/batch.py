@@ -39,7 +39,7 @@ AT_A_TIME = 16  # files that the disk is to take: together they cost it little m
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EROFS}  # errors that only writing meets
 
 
-class Batch:
+class FileBatch:
     """Files to appear in `folder`: ``batch / name`` is where to write one for now; see `at_once`.
 
     `remove` names files of the folder that go when the new ones come.
@@ -146,7 +146,7 @@ class Batch:
 class Inside:
     """A folder of a batch: ``inside / name`` is where to write a file of it for now."""
 
-    batch: Batch
+    batch: FileBatch
     name: str
 
     def __truediv__(self, name: str) -> Path:
@@ -158,7 +158,7 @@ class Inside:
 
 
 @contextmanager
-def at_once(folder: Path, wait_seconds: float = WAIT_SECONDS) -> Iterator[Batch]:
+def at_once(folder: Path, wait_seconds: float = WAIT_SECONDS) -> Iterator[FileBatch]:
     """A batch whose files appear in `folder` when the block ends well; the folder is made if need be.
 
     Raises
@@ -166,7 +166,7 @@ def at_once(folder: Path, wait_seconds: float = WAIT_SECONDS) -> Iterator[Batch]
     InputError
         If the folder can't be written, or another process still writes there after `wait_seconds`.
     """
-    batch = Batch(folder)
+    batch = FileBatch(folder)
     try:
         with _told(batch):
             batch.open(wait_seconds)
@@ -183,7 +183,7 @@ def at_once(folder: Path, wait_seconds: float = WAIT_SECONDS) -> Iterator[Batch]
 
 
 @contextmanager
-def _told(batch: Batch) -> Iterator[None]:
+def _told(batch: FileBatch) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from photonormal.disk import PARTIAL, Batch, at_once, identities, refuse_folder, unwritable
+from photonormal.disk import PARTIAL, FileBatch, at_once, identities, refuse_folder, unwritable
 from photonormal.types import InputError
 
 REPORT = "report.json"
@@ -28,7 +28,7 @@ NAMES = (  # of the files of a result, of `measure`, `check` and `batch`
 @contextmanager
 def whole_folder(
     out: Path, overwrite: bool = False, reads: Iterable[Path | None] = (), wait_seconds: float = 0
-) -> Iterator[Batch]:
+) -> Iterator[FileBatch]:
     """A batch of files, of NAMES, that appear in `out` at once; the last one written is `report(batch, ...)`.
 
     A result in `out` that photonormal wrote goes when the new one comes: the files that its report lists, as long as
@@ -57,7 +57,7 @@ def whole_folder(
         batch.remove = _replaced(out, batch.names, overwrite, used)
 
 
-def report(batch: Batch, content: dict[str, Any]) -> dict[str, Any]:
+def report(batch: FileBatch, content: dict[str, Any]) -> dict[str, Any]:
     """Write a result's report: the content, the marker, and the files written so far with their sizes; returns it."""
     content = content | MARKER | {"files": batch.sizes()}
     batch.write(REPORT, as_json(content))

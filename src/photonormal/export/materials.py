@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from photonormal.disk import Batch
+from photonormal.disk import FileBatch
 from photonormal.export.mesh import display
 from photonormal.masked import means
 from photonormal.png import SRGB, encode_png
@@ -17,7 +17,7 @@ ENOUGH = 2**20  # pixels that tell the usual F0
 TOLD = 128, 255  # grey of material_known.png: roughness is told; metalness, too
 
 
-def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: float, folder: Batch) -> None:
+def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: float, folder: FileBatch) -> None:
     """base_colour.png (sRGB-encoded), roughness.png, metalness.png, specular.png (F0 over 0.08).
 
     The base colour is the albedo; of metals F0, or both where only a neighbour tells that it is one. Photographs do not

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.disk import Batch, Content
+from photonormal.disk import Content, FileBatch
 from photonormal.export import encoded
 from photonormal.export.folder import report
 from photonormal.export.labels import with_scale
@@ -29,7 +29,7 @@ ROWS = 256  # of a picture made at a time
 
 def write_result(
     result: Result,
-    folder: Batch,
+    folder: FileBatch,
     frame: str = "opengl",
     read: dict[str, Any] | None = None,
     linear_albedo: bool = False,
@@ -87,7 +87,7 @@ def brightest(result: Result) -> float:
     return float(np.quantile(values, 0.99)) or 1.0 if len(values) else 1.0
 
 
-def pictures(result: Result, folder: Batch, white: float, linear_albedo: bool = False) -> None:
+def pictures(result: Result, folder: FileBatch, white: float, linear_albedo: bool = False) -> None:
     """albedo.png, sRGB-encoded unless it is to be linear, preview.png, thumbnail.png, maps of errors."""
     capture, normals, albedo = result.capture, result.normals, result.albedo
     error = error_picture(normals, capture.truth) if capture.truth is not None else None

@@ -81,7 +81,7 @@ def scratch_file(nbytes: int, otherwise: str = "") -> IO[bytes]:
             f"a scratch file of {text_of(nbytes)} is needed but {folder} has {text_of(free)} free; free some, set "
             f"TMPDIR to a folder on another disk{otherwise}."
         )
-    file = tempfile.TemporaryFile(prefix="photonormal-", dir=folder)
+    file = tempfile.TemporaryFile(prefix="photonormal-", dir=folder, buffering=0)
     try:
         file.truncate(nbytes)
         if nbytes and hasattr(os, "posix_fallocate"):

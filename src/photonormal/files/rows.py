@@ -12,6 +12,7 @@ import numpy as np
 
 from photonormal.files import memory
 from photonormal.files.opening import array_header, npz_archive, read_array
+from photonormal.files.scratch import Scratch, bytes_of
 
 BLOCK = 2**24  # bytes copied at a time
 
@@ -25,32 +26,26 @@ class Rows:
     def __init__(self, shape: tuple[int, ...], dtype: np.dtype | type) -> None:
         self.shape, self.dtype = shape, np.dtype(dtype)
         self._row = prod(shape[1:]) * self.dtype.itemsize
-        self._file = memory.scratch_file(shape[0] * self._row)
+        self._scratch = Scratch(shape[0] * self._row)
 
     def __enter__(self) -> Rows:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._file.close()
+        self._scratch.close()
 
     def __getitem__(self, rows: slice) -> np.ndarray:
         first, last, step = rows.indices(self.shape[0])
         values = np.empty((len(range(first, last, step)), *self.shape[1:]), self.dtype)
         at_once = len(values) if step == 1 else 1
         for k in range(0, len(values), at_once or 1):
-            self._file.seek((first + k * step) * self._row)
-            self._file.readinto(_bytes_of(values[k : k + at_once]))  # pyright: ignore[reportAttributeAccessIssue]
+            self._scratch.read((first + k * step) * self._row, values[k : k + at_once])
         return values
 
     def __setitem__(self, rows: slice, values: np.ndarray) -> None:
         first, last, _ = rows.indices(self.shape[0])
         shape = (last - first, *self.shape[1:])
-        self._file.seek(first * self._row)
-        self._file.write(_bytes_of(np.ascontiguousarray(np.broadcast_to(values, shape), self.dtype)))
-
-
-def _bytes_of(values: np.ndarray) -> memoryview:
-    return values.reshape(-1).view(np.uint8).data
+        self._scratch.write(first * self._row, np.ascontiguousarray(np.broadcast_to(values, shape), self.dtype))
 
 
 @contextmanager
@@ -88,7 +83,7 @@ def _copied(archive: ZipFile, member: str) -> Rows:
             block = max(1, BLOCK // max(1, rows._row))
             for y in range(0, shape[0], block):
                 part = np.empty((min(block, shape[0] - y), *shape[1:]), dtype)
-                if stream.readinto(_bytes_of(part)) != part.nbytes:  # pyright: ignore[reportAttributeAccessIssue]
+                if stream.readinto(bytes_of(part)) != part.nbytes:  # pyright: ignore[reportAttributeAccessIssue]
                     raise ValueError("it is truncated")
                 rows[y : y + len(part)] = part
     except BaseException:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.disk import Batch, at_once
+from photonormal.disk import FileBatch, at_once
 from photonormal.export.heights import REMARK, levels, span
 from photonormal.export.mesh import display
 from photonormal.export.normal_maps import FRAME
@@ -106,7 +106,7 @@ def export_maps(
     return out
 
 
-def _write(layers: Layers, expected: Program, name: str, unit: float | None, exr: bool, batch: Batch) -> None:
+def _write(layers: Layers, expected: Program, name: str, unit: float | None, exr: bool, batch: FileBatch) -> None:
     """All pictures at the same time, some rows after the other."""
     values = _values(layers, expected.frame, unit, exr)
     low, high = (value * (unit or 1.0) for value in layers.heights)

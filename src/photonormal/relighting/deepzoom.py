@@ -6,12 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from photonormal.disk import Batch
+from photonormal.disk import FileBatch
 
 SIDE, OVERLAP = 510, 1  # pixels of a tile, and those of its neighbours around it
 
 
-def write(picture: np.ndarray, name: str, folder: Batch, ending: str, encode: Callable[[np.ndarray], bytes]) -> None:
+def write(
+    picture: np.ndarray, name: str, folder: FileBatch, ending: str, encode: Callable[[np.ndarray], bytes]
+) -> None:
     """Write NAME.dzi, and NAME_files/LEVEL/X_Y.ENDING down to the level of one pixel.
 
     Parameters

@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from photonormal.disk import Batch
+from photonormal.disk import FileBatch
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, deepzoom
 from photonormal.relighting.codes import Codes
@@ -21,7 +21,7 @@ PTM = [5, 3, 4, 0, 2, 1]  # 1, u, v, u^2, u v, v^2: their order here, as places 
 VERSION = "https://cdn.jsdelivr.net/npm/openlime@1/dist"
 
 
-def write(capture: Capture, kind: str, folder: Batch, webp: bool = False) -> None:
+def write(capture: Capture, kind: str, folder: FileBatch, webp: bool = False) -> None:
     """Fit the photographs, and write the fit of the mask's box; pixels outside the mask are black.
 
     info.json, and a picture for every three planes: red, green and blue of one coefficient, (code / 255 - bias) scale.

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.disk import Batch, Inside
+from photonormal.disk import FileBatch, Inside
 
 
 def write_diligent(
-    folder: Batch | Inside,
+    folder: FileBatch | Inside,
     images: Float[np.ndarray, "n h w 3"],
     lights: Float[np.ndarray, "n 3"],
     normals: Float[np.ndarray, "h w 3"],
@@ -53,7 +53,7 @@ class BlobbyWriter:
             shape_material.txt      lines `picture lx ly lz`
     """
 
-    def __init__(self, root: Batch, validation_every: int = 100) -> None:
+    def __init__(self, root: FileBatch, validation_every: int = 100) -> None:
         self.root, self.every, self.count = root, validation_every, 0
         for name in ("train_mtrl.txt", "val_mtrl.txt"):
             (root / name).touch()

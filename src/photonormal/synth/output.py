@@ -71,7 +71,15 @@ def render(
 
 
 def _write(
-    made: Rendering, label: str, count: int, folder: disk.Batch, preview: bool, progress, layout: str, device, seed: int
+    made: Rendering,
+    label: str,
+    count: int,
+    folder: disk.FileBatch,
+    preview: bool,
+    progress,
+    layout: str,
+    device,
+    seed: int,
 ) -> None:
     block = min(made.scenes, -(-count // made.crops))
     made = dataclasses.replace(made, scenes=block)
@@ -100,7 +108,7 @@ def _write(
 
 
 def write_sample(
-    batch: Batch, i: int, index: int, label: str, folder: disk.Batch, blobby: BlobbyWriter | None, seed: int = 0
+    batch: Batch, i: int, index: int, label: str, folder: disk.FileBatch, blobby: BlobbyWriter | None, seed: int = 0
 ) -> None:
     """Sample `i` of a batch as number `index` of a set."""
     images = batch.images[i].permute(0, 2, 3, 1).cpu().numpy()  # (n, h, w, 3)

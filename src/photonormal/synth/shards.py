@@ -24,7 +24,7 @@ RECIPE = "recipe.json"
 TENSORS = ("images", "lights", "normals", "mask")
 
 
-def write_shard(folder: disk.Batch, index: int, batch: Batch) -> None:
+def write_shard(folder: disk.FileBatch, index: int, batch: Batch) -> None:
     """One batch as file `index` of a set; images are in [0, 1]."""
     from safetensors.torch import save
 
@@ -37,7 +37,7 @@ def write_shard(folder: disk.Batch, index: int, batch: Batch) -> None:
     folder.write(f"{index:05d}.safetensors", save({k: v.cpu().contiguous() for k, v in tensors.items()}))
 
 
-def write_recipe(folder: disk.Batch, fields: dict[str, Any]) -> None:
+def write_recipe(folder: disk.FileBatch, fields: dict[str, Any]) -> None:
     """What the set was rendered by."""
     folder.write(RECIPE, (json.dumps(fields, indent=1) + "\n").encode())
 

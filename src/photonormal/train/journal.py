@@ -27,7 +27,7 @@ EVERY = 50  # steps between two entries
 MEMORY = 0.98  # share of the past in the running loss
 
 
-class Journal:
+class TrainingRecord:
     """The first process's record of a training, in `out`/journal.jsonl and `out`/tensorboard."""
 
     def __init__(self, out: Path, step: int, steps: int, minutes: float | None, loss: str = "cosine") -> None:

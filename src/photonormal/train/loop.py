@@ -27,7 +27,7 @@ from photonormal.train import checkpoint, recipes
 from photonormal.train.card import command, device_name, export
 from photonormal.train.disk import Disk
 from photonormal.train.journal import NAME as JOURNAL
-from photonormal.train.journal import Journal, refuse_foreign
+from photonormal.train.journal import TrainingRecord, refuse_foreign
 from photonormal.train.launch import agreed, launched
 from photonormal.train.learner import Learner
 from photonormal.train.recipes import Recipe, for_rig
@@ -128,7 +128,7 @@ def train(
     exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
     angle = recipe.loss if learner.net.learns == "normals" else ""  # of which the journal tells the angle
-    journal = Journal(out, step, steps, minutes, angle) if rank == 0 else None
+    journal = TrainingRecord(out, step, steps, minutes, angle) if rank == 0 else None
     fabric.barrier()
     clock = clock or time.monotonic
     start, saved = clock(), time.monotonic()

@@ -6,7 +6,7 @@ import torch
 from photonormal.methods import configure
 from photonormal.methods.contract import Solution
 from photonormal.methods.engine import bands, parts, plan
-from photonormal.methods.engine.bands import Around, Look, Rows
+from photonormal.methods.engine.bands import Around, KnownRows, Look
 from photonormal.methods.engine.parts import divided, joined
 from photonormal.methods.engine.prior import first_look
 from photonormal.methods.engine.stream import measured
@@ -54,7 +54,7 @@ def test_rows_are_told_when_those_around_are_there_and_then_forgotten(monkeypatc
 
 
 def test_a_part_of_the_rows_that_are_kept_is_what_came():
-    rows, all = Rows(4, 0, slice(0, 24)), torch.rand(1, 2, 10, 6)
+    rows, all = KnownRows(4, 0, slice(0, 24)), torch.rand(1, 2, 10, 6)
     for some in all.split(3, dim=2):
         rows.add(some)
     assert rows.end == 40 and torch.equal(rows.between((slice(8, 28), slice(4, 20))), all[:, :, 2:7, 1:5])
@@ -64,7 +64,7 @@ def test_a_part_of_the_rows_that_are_kept_is_what_came():
 
 
 def test_what_lies_beyond_the_window_is_zero():
-    rows, all = Rows(4, 8, slice(16, 40)), torch.rand(1, 2, 10, 6)
+    rows, all = KnownRows(4, 8, slice(16, 40)), torch.rand(1, 2, 10, 6)
     rows.add(all)
     seen = rows.between((slice(0, 16), slice(12, 24)))
     assert torch.equal(seen[:, :, 2:, 1:], all[:, :, :2, :2]) and seen.count_nonzero() == 8

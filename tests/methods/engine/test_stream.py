@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import photonormal as pn
-from photonormal.files.rows import Rows
+from photonormal.files.scratch import Scratch
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
 from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.classical.woodham import Woodham
@@ -118,11 +118,11 @@ def test_what_lies_on_disk_is_what_lies_in_memory(kind, monkeypatch):
     capture, _ = sphere(n=4)
     net = network(kind)
     held = stream.measured(net, capture, CPU, side=24, passes=2, prior="woodham")
-    made, aside = [], Rows.__init__
-    monkeypatch.setattr(Rows, "__init__", lambda rows, *of: (made.append(rows), aside(rows, *of))[1])
+    made, begin = [], Scratch.__init__
+    monkeypatch.setattr(Scratch, "__init__", lambda file, *of: (begin(file, *of), made.append(file.close))[0])
     monkeypatch.setattr(plan, "ASIDE", 2**40)
     found = stream.measured(net, capture, CPU, side=24, passes=2, prior="woodham")
-    assert torch.equal(found.normals, held.normals) and len(made) == 2 and all(r._file.closed for r in made)
+    assert torch.equal(found.normals, held.normals) and len(made) == 2 and not any(c.alive for c in made)
     assert found.told_deg is None or torch.equal(found.told_deg, held.told_deg)
 
 

@@ -92,7 +92,7 @@ class Around:
         self.block = plan.block((self.height, self.width), self.stride)
         self.late = {name: look.late + rows for name, rows in lateness(self.steps, self.stride).items()}
         self.count = (look.seen[0].start + look.late) // self.block  # of blocks that are done, or lie above
-        self.kept: dict[str, Rows] = {}
+        self.kept: dict[str, KnownRows] = {}
 
     def add(self, maps: dict[str, Tensor]) -> Float[Tensor, "1 d q w"] | None:
         """Further rows of the maps that the steps begin with; the rows that can be told by now, if there are any."""
@@ -129,10 +129,10 @@ class Around:
             return self.height
         return max(0, number * self.block - self.late[step.gives])
 
-    def keep(self, name: str, stride: int, rows: Float[Tensor, "1 d r w"]) -> Rows:
+    def keep(self, name: str, stride: int, rows: Float[Tensor, "1 d r w"]) -> KnownRows:
         """Further rows of a map, and those that are kept of it."""
         top, columns = self.look.seen[0].start, self.look.seen[1]
-        kept = self.kept.setdefault(name, Rows(stride, top, columns))
+        kept = self.kept.setdefault(name, KnownRows(stride, top, columns))
         kept.add(rows)
         return kept
 
@@ -160,7 +160,7 @@ class Around:
         return whole[..., _over(_moved(wanted, -some[0].start), s)]
 
 
-class Rows:
+class KnownRows:
     """Those rows of a map that are known and still needed, of `stride` rows of the picture each, in some columns."""
 
     def __init__(self, stride: int, top: int, columns: slice) -> None:

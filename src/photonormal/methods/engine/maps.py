@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from weakref import finalize
-
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -22,10 +20,7 @@ class Maps:
 
     def __init__(self, d: int, box: tuple[int, ...], device: torch.device) -> None:
         h, w = box
-        self._rows = None
-        if plan.lies_aside(box, device):
-            self._rows = Rows((h, d, w), np.float32)
-            finalize(self, self._rows.__exit__)
+        self._rows = Rows((h, d, w), np.float32) if plan.lies_aside(box, device) else None
         self._held = torch.zeros((d, 0, w) if self._rows else (d, h, w), device=device)
 
     def __getitem__(self, seen: Span) -> Float[Tensor, "d i j"]:

@@ -20,7 +20,7 @@ from photonormal.synth.library import FAMILIES
 from photonormal.synth.materials import Coats, dress
 from photonormal.synth.params import rng, tensor
 from photonormal.synth.pathtraced import tracer
-from photonormal.synth.pathtraced.meshes import Mesh, polygonise
+from photonormal.synth.pathtraced.meshes import Triangles, polygonise
 from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
 from photonormal.synth.pathtraced.tracer import OrthographicCamera, eroded
 from photonormal.synth.recipes import Rendering, recipe
@@ -108,7 +108,7 @@ def plain(**changes: Any) -> Rendering:
 
 
 def compare(
-    kind: str | Mesh,
+    kind: str | Triangles,
     seed: int = 0,
     material: np.ndarray | None = None,
     stock: Any = None,
@@ -139,7 +139,7 @@ def compare(
         scenes, lights=tensor(L)[None], coats=scenes.coats if material is None else plain_coats(scenes.coats, material)
     )
     own = None
-    if isinstance(kind, Mesh):
+    if isinstance(kind, Triangles):
         camera, mesh = OrthographicCamera(half=1.1, size=size), kind
     else:
         view, start = frame(scenes, size)
@@ -179,7 +179,7 @@ def _render(scenes: Scenes, geometry: Geometry, made: Rendering) -> Float[np.nda
     return I.view(-1, 3, s, s).permute(0, 2, 3, 1).numpy()
 
 
-def solid(field: Any, cells: int) -> Mesh:
+def solid(field: Any, cells: int) -> Triangles:
     """All of an implicit solid (a batch of one) as triangles, with its exact normals at their corners."""
     field = field.trimmed()
 
@@ -199,11 +199,11 @@ def solid(field: Any, cells: int) -> Mesh:
         p = p - (d.clamp(-step, step) * inner)[:, None] * g
     g = apart(lambda q: gradient(field, q), p).T
     normals = (g / g.norm(dim=-1, keepdim=True).clamp(min=1e-9)).double().numpy()
-    moved = Mesh(p.double().numpy(), mesh.faces)
+    moved = Triangles(p.double().numpy(), mesh.faces)
     return replace(moved, normals=np.where(inner.numpy()[:, None], normals, moved.smooth_normals()))
 
 
-def dressed(mesh: Mesh, coats: Coats, material: np.ndarray | None) -> Mesh:
+def dressed(mesh: Triangles, coats: Coats, material: np.ndarray | None) -> Triangles:
     """The mesh with the drawn principled parameters at its vertices, where the material isn't one for all."""
     if material is not None:
         return mesh

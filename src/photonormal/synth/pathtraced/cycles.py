@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.synth.pathtraced.meshes import Mesh
+from photonormal.synth.pathtraced.meshes import Triangles
 
 KINDS = ("diffuse", "specular", "metallic")
 CELLS = 100
@@ -25,7 +25,7 @@ def kind_of_material(kind: str) -> dict[str, Any]:
     return {"type": "principled", "base_color": colour, "eta": ETA[kind], **numbers}
 
 
-def cells(mesh: Mesh, kind: str, seed: int) -> Mesh:
+def cells(mesh: Triangles, kind: str, seed: int) -> Triangles:
     """The mesh with the numbers of a kind of material in each face's cell: the nearest of CELLS random places."""
     from scipy.spatial import KDTree
 

@@ -18,7 +18,7 @@ COARSE, STRIDE = 48, 4  # points a side of the first grid; steps of the last one
 
 
 @dataclass(frozen=True)
-class Mesh:
+class Triangles:
     """Triangles, seen from outside counter-clockwise, with unit normals and named attributes of the vertices."""
 
     vertices: Float[np.ndarray, "v 3"]
@@ -53,16 +53,16 @@ class Mesh:
         )
         return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20)
 
-    def moved(self, R: Float[np.ndarray, "3 3"], shift: Any = (0.0, 0.0, 0.0)) -> Mesh:
+    def moved(self, R: Float[np.ndarray, "3 3"], shift: Any = (0.0, 0.0, 0.0)) -> Triangles:
         """Turned by `R`, then shifted."""
         normals = None if self.normals is None else self.normals @ R.T
-        return Mesh(self.vertices @ R.T + np.asarray(shift), self.faces, normals, self.attributes)
+        return Triangles(self.vertices @ R.T + np.asarray(shift), self.faces, normals, self.attributes)
 
-    def fitted(self, radius: float = 1.0) -> Mesh:
+    def fitted(self, radius: float = 1.0) -> Triangles:
         """Centred on the origin and scaled so that its widest extent along x or y is 2 `radius`."""
         low, high = self.vertices.min(0), self.vertices.max(0)
         scale = 2 * radius / (high - low)[:2].max()
-        return Mesh((self.vertices - (low + high) / 2) * scale, self.faces, self.normals, self.attributes)
+        return Triangles((self.vertices - (low + high) / 2) * scale, self.faces, self.normals, self.attributes)
 
     def centres(self) -> Float[np.ndarray, "f 3"]:
         """Middles of the faces."""
@@ -73,18 +73,18 @@ def _many(mi: Any) -> bool:
     return not str(mi.variant()).startswith("scalar")
 
 
-def joined(meshes: list[Mesh]) -> Mesh:
+def joined(meshes: list[Triangles]) -> Triangles:
     """Several closed meshes as one; they may overlap."""
     offsets = np.cumsum([0] + [len(m.vertices) for m in meshes])
     normals = [m.smooth_normals() if m.normals is None else m.normals for m in meshes]
-    return Mesh(
+    return Triangles(
         np.concatenate([m.vertices for m in meshes]),
         np.concatenate([m.faces + o for m, o in zip(meshes, offsets, strict=False)]),
         np.concatenate(normals),
     )
 
 
-def read_mesh(path: Path) -> Mesh:
+def read_mesh(path: Path) -> Triangles:
     """An OBJ, PLY, STL or OFF file, its faces turned outwards.
 
     Raises
@@ -110,10 +110,10 @@ def read_mesh(path: Path) -> Mesh:
     a, b, c = (vertices[faces[:, i]] - vertices.mean(0) for i in range(3))
     if (a * np.cross(b, c)).sum() < 0:  # inside out
         faces = faces[:, ::-1]
-    return Mesh(vertices, np.ascontiguousarray(faces))
+    return Triangles(vertices, np.ascontiguousarray(faces))
 
 
-def polygonise(f: Values, reach: float, n: int) -> Mesh:
+def polygonise(f: Values, reach: float, n: int) -> Triangles:
     """The surface f = 0 inside the cube |x|, |y|, |z| <= reach, on a grid of n cells along its longest side.
 
     `f` is about a distance: a coarse grid finds the box that holds the surface, and the parts of the fine grid that are
@@ -142,7 +142,7 @@ def _values(f: Values, axes: list[np.ndarray]) -> np.ndarray:
     return f(points.reshape(-1, 3)).reshape(points.shape[:3]).astype(np.float32)
 
 
-def _nets(values: np.ndarray, low: np.ndarray, h: float) -> Mesh:
+def _nets(values: np.ndarray, low: np.ndarray, h: float) -> Triangles:
     """Naive surface nets: each cell that the surface crosses has one vertex, the mean of its edges' crossings."""
     inside = values < 0
     shape = tuple(n - 1 for n in values.shape)
@@ -168,4 +168,4 @@ def _nets(values: np.ndarray, low: np.ndarray, h: float) -> Mesh:
     point = np.concatenate(points).reshape(-1, 3)
     total = np.stack([np.bincount(inverse.ravel(), point[:, i], len(used)) for i in range(3)], 1)
     vertices = low + h * total / np.bincount(inverse.ravel(), minlength=len(used))[:, None]
-    return Mesh(vertices, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]))
+    return Triangles(vertices, np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]]))

@@ -11,22 +11,22 @@ from jaxtyping import Float
 from photonormal.synth.meshes import STATUE
 from photonormal.synth.params import rng
 from photonormal.synth.pathtraced.compare import plain, solid
-from photonormal.synth.pathtraced.meshes import Mesh, polygonise, read_mesh
+from photonormal.synth.pathtraced.meshes import Triangles, polygonise, read_mesh
 from photonormal.synth.scene import draw_scenes
 from photonormal.synth.sculptor import KINDS
 from photonormal.types import InputError
 
 
-def sphere(meshes: Path | None = None) -> Mesh:
+def sphere(meshes: Path | None = None) -> Triangles:
     """The unit sphere with its exact normals."""
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=6)
     vertices = np.asarray(ball.vertices, np.float64)
-    return Mesh(vertices, np.asarray(ball.faces), vertices / np.linalg.norm(vertices, axis=1, keepdims=True))
+    return Triangles(vertices, np.asarray(ball.faces), vertices / np.linalg.norm(vertices, axis=1, keepdims=True))
 
 
-def turtle(meshes: Path | None = None) -> Mesh:
+def turtle(meshes: Path | None = None) -> Triangles:
     """A turtle from above: a domed shell of plates, a rim, a head, four flippers and a tail."""
     g = np.random.default_rng(17)
     plates = g.uniform([-0.6, -0.75], [0.6, 0.75], (400, 2))
@@ -59,7 +59,7 @@ def turtle(meshes: Path | None = None) -> Mesh:
     return polygonise(f, 1.2, 288).moved(R).fitted()
 
 
-def bowl(meshes: Path | None = None) -> Mesh:
+def bowl(meshes: Path | None = None) -> Triangles:
     """A bowl of folded, crumpled paper, seen into: pleats that open towards a wavy rim."""
     g = np.random.default_rng(23)
     turns, steps = 720, 120
@@ -83,27 +83,27 @@ def bowl(meshes: Path | None = None) -> Mesh:
     faces = np.stack([a, b, b + turns, a, b + turns, a + turns], -1).reshape(-1, 3)
     tilt = np.radians(-38)
     R = np.array([[1, 0, 0], [0, np.cos(tilt), -np.sin(tilt)], [0, np.sin(tilt), np.cos(tilt)]])
-    return Mesh(vertices.reshape(-1, 3), faces).moved(R).fitted()
+    return Triangles(vertices.reshape(-1, 3), faces).moved(R).fitted()
 
 
-def statue(meshes: Path | None = None) -> Mesh:
+def statue(meshes: Path | None = None) -> Triangles:
     """The bust of Nefertiti from a folder of meshes."""
     if meshes is None or not (meshes / STATUE).is_file():
         raise InputError(f"{meshes} holds no {STATUE} but the statue is made from it; give the folder of meshes.")
     return read_mesh(meshes / STATUE).fitted()
 
 
-def pleated(seed: int) -> Callable[[Path | None], Mesh]:
+def pleated(seed: int) -> Callable[[Path | None], Triangles]:
     """Makes a pouch, bowl or cloth in pleats, drawn from a seed that no training uses."""
 
-    def made(meshes: Path | None = None) -> Mesh:
+    def made(meshes: Path | None = None) -> Triangles:
         drawn = plain(shapes=tuple(float(kind == "pleated") for kind in KINDS))
         return solid(draw_scenes(drawn, rng(seed, 9), 1, 3, None).solids, 192).fitted()
 
     return made
 
 
-OBJECTS: dict[str, Callable[[Path | None], Mesh]] = {
+OBJECTS: dict[str, Callable[[Path | None], Triangles]] = {
     "sphere": sphere, "turtle": turtle, "bowl": bowl, "statue": statue,
     "flutes": pleated(11), "crumple": pleated(12), "folds": pleated(16), "pouch": pleated(21),
 }  # fmt: skip

@@ -25,7 +25,7 @@ from photonormal.geometry import fibonacci_hemisphere
 from photonormal.synth.library import data_folder
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.cycles import KINDS, cells, kind_of_material
-from photonormal.synth.pathtraced.meshes import Mesh
+from photonormal.synth.pathtraced.meshes import Triangles
 from photonormal.synth.pathtraced.objects import OBJECTS
 from photonormal.synth.pathtraced.reflectance import bsdf, measured
 from photonormal.synth.pathtraced.tracer import OrthographicCamera
@@ -152,7 +152,7 @@ def _render(
     out: Path,
     item: str,
     made: SceneSet,
-    mesh: Mesh,
+    mesh: Triangles,
     surfaces: dict[str, Any],
     L: list[np.ndarray],
     size: int,

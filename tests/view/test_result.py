@@ -56,6 +56,12 @@ def test_photographs_that_are_named_are_shown(copy, capture):
     assert len(open_result(copy, capture).photographs) == 12
 
 
+def test_the_page_tells_what_the_measurement_warned_of(copy):
+    report = json.loads((copy / "report.json").read_text())
+    (copy / "report.json").write_text(json.dumps(report | {"warnings": ["y is flipped"]}))
+    assert open_result(copy).about["notes"] == ["Warning: y is flipped"]
+
+
 def test_lengths_are_told_in_mm(result):
     assert open_result(result).about["mm_per_px"] is None
     assert open_result(result, mm_per_px=0.5).about["mm_per_px"] == 0.5

@@ -191,7 +191,13 @@ def configs(runs: Path) -> dict[tuple[str, str], Config]:
         recover(left.parent)
     found = {(p.parts[-3], p.parts[-2]): read_config(p) for p in sorted(runs.glob(f"*/*/{CONFIG}"))}
     if not found:
-        raise InputError(f"{runs} holds no predictions; run photonormal bench with --out {runs} first.")
+        result = (runs / "normals.npz").is_file()
+        todo = (
+            f"look at this result with `photonormal view {runs}`"
+            if result
+            else f"run photonormal bench with --out {runs} first"
+        )
+        raise InputError(f"{runs} holds no predictions; {todo}.")
     return found
 
 

@@ -52,6 +52,7 @@ class Report(TypedDict):
     source: NotRequired[str]
     reading: NotRequired[dict[str, Any]]
     expected_error_deg: NotRequired[NotNegative]
+    warnings: NotRequired[list[str]]
     crop: NotRequired[Reduced | None]
     found_lights: NotRequired[Lit]
 
@@ -195,7 +196,7 @@ def shown_of(
         "mm_per_px": mm_per_px and mm_per_px * every,
         "expected_error_deg": report.get("expected_error_deg"),
         "photographs": [],
-        "notes": [],
+        "notes": [f"Warning: {warning}" for warning in report.get("warnings", [])],
     }
     return Shown(about["title"], layers, about, None)
 

@@ -238,3 +238,13 @@ def test_right_lights_of_a_low_relief_with_a_broad_sheen_are_not_doubted():
     for strength in (0.1, 0.15, 0.2):
         sheen = 0.4 * matt.clip(0) + strength * shine * (matt > 0)
         assert mended(Capture(np.moveaxis(sheen, -1, 0).astype(np.float32), relief.mask, L)) is None
+
+
+def test_a_common_turn_is_told_unasked_by_the_curl():
+    """It changes no misfit, but makes far more curl of a relief's slopes than noise does."""
+    relief, L = low_waves(96, 0.4), scattered(24)
+    noise = np.random.default_rng(0).normal(0, 0.002, (96, 96, 24))
+    I = np.moveaxis((0.4 * np.maximum(relief.map @ L.T, 0) + noise).clip(0), -1, 0).astype(np.float32)
+    assert mended(Capture(I, relief.mask, L)) is None
+    better = mended(Capture(I, relief.mask, L @ rotation_about_view(8).T))
+    assert better is not None and angle_deg(better.lights, L).mean() < 0.5

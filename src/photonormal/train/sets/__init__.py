@@ -9,10 +9,10 @@ from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from importlib import import_module
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
+from photonormal.lookup import lookup
 from photonormal.progress import progress
 from photonormal.resources import cores
 from photonormal.types import Capture, InputError
@@ -94,9 +94,7 @@ def opened(folders: Sequence[str | Path]) -> list[SampleSet]:
 def _opened(root: Path) -> SampleSet:
     if not root.is_dir():
         raise InputError(f"{root} is no folder but --data needs a set of samples; give the folder of one.")
-    for entry in LAYOUTS.values():
-        module, cls = entry.split(":")
-        layout = getattr(import_module(module), cls)
+    for layout in map(lookup, LAYOUTS.values()):
         if layout.matches(root):
             return layout(root)
     raise InputError(

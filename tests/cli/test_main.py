@@ -23,6 +23,7 @@ COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import ma
         ("measure a --out b --ring eight", "--ring 'eight' came but a whole number is needed; correct it."),
         ("measure a --out b --mm-per-px 0,1", "--mm-per-px '0,1' came but a number is needed; correct it."),
         ("measuer a", "no command 'measuer'; perhaps measure is meant; choose from measure, score"),
+        ("measure demo --out b --method wodham", "no method 'wodham'; perhaps woodham is meant; choose from"),
         ("", "Expected one of {measure, score"),
     ],
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from photonormal.lookup import lookup
@@ -49,7 +50,8 @@ KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "
 def method_class(name: str) -> type:
     """The class of a method; its fields are the method's options."""
     if name not in METHODS:
-        raise InputError(f"no method {name!r}; choose from {', '.join(METHODS)}.")
+        close = "".join(f"; perhaps {other} is meant" for other in get_close_matches(name, METHODS, 1))
+        raise InputError(f"no method {name!r}{close}; choose from {', '.join(METHODS)}.")
     return lookup(METHODS[name])
 
 

@@ -166,8 +166,7 @@ def _one(
     box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
     cut = Circle(circle.x - x0, circle.y - y0, circle.r)
     highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
-    small = found.shades and circle.r < SMALL
-    if not small:
+    if not found.shades or circle.r >= FEW_PX:  # else shadows will do
         check_number(highlights, names, circle, where)
         check_sizes(highlights, names, circle, where)
     moved = [h and h.moved(x0, y0) for h in highlights]
@@ -177,7 +176,7 @@ def _one(
         astray = tuple(j for j, h in enumerate(moved) if h and _elsewhere(found, j, h))
     moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
-    if small:
+    if found.shades and circle.r < SMALL:
         xy = _by_shadows(read, len(names), circle, xy, found.xy)
         astray = tuple(j for j in astray if np.isnan(xy[j, 0]))
         moved = [

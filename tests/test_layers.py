@@ -53,7 +53,7 @@ MAY_IMPORT = {  # package or module -> what of photonormal it may import besides
     "provenance": {"types", "files", "methods", "stored", "options"},
     "capture": BASE,
     "calibration": BASE,
-    "methods": BASE | {"integration", "progress"},  # under near lamps normals need depth
+    "methods": BASE | {"integration", "calibration", "progress"},  # near lamps need depth; intensities are told apart
     "integration": BASE,
     "scoring": BASE,
     "export": BASE | {"scoring"},  # maps of errors

@@ -112,7 +112,7 @@ def test_a_method_takes_options(folder, tmp_path, capsys):
     code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "trimmed:last=1")
     assert code == 2 and "no option 'last'; it has lowest" in err
     code, _, err = run(capsys, "measure", folder, "--out", tmp_path / "other", "--method", "normalnet:name=x")
-    assert code == 2 and "no option 'name'; it has weights, rotations, prior, passes, fast." in err
+    assert code == 2 and "no option 'name'; it has weights, rotations, prior, passes, fast, even." in err
 
 
 def test_a_reader_that_goes_early_is_no_error():

@@ -196,14 +196,13 @@ def _solved(
 ) -> _Solved:
     """A method's normals, and by how much each of them is expected to be off."""
     from photonormal.methods.contract import Streaming
-    from photonormal.methods.engine import on_mask, run_as_it_is, with_lights
-    from photonormal.methods.engine.cutoff import given_back
+    from photonormal.methods.engine import on_mask, prepared, run_as_it_is, with_lights
     from photonormal.methods.engine.near import seen_as_distant
     from photonormal.methods.engine.parts import joined
     from photonormal.methods.learned.processor import computing_in, number_format
 
-    whole, told = given_back(capture) if solver.needs.lights else capture, None
     with _stage("solve", seconds):
+        whole, told = prepared(solver, capture), None
         with computing_in(precision):
             found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
             computed_in = number_format(where, solver.exact) if isinstance(solver, Streaming) else None

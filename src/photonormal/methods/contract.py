@@ -136,7 +136,6 @@ class Streaming(Method, Protocol):
     """A classical method in place of the network's own prior; "": that one."""
     fast: ClassVar[bool] | bool
     """Whether the network looks at half the resolution (`photonormal.methods.engine.halved`)."""
-
     exact: ClassVar[bool]
     """Whether it computes in float32 on a processor unless it is told otherwise."""
 
@@ -146,6 +145,11 @@ class Streaming(Method, Protocol):
 
     def lights_network(self) -> Any:
         """The network that tells the lights under which the other looks; None where the method is told them."""
+        ...
+
+    def brightened(self, seen: Callable[[], Observations]) -> Float[Tensor, " n"] | None:
+        """Factors by which pictures are brighter than their lights' intensities say, told by some pixels, which the
+        network is to see divided by them; None where the method doesn't ask."""
         ...
 
 

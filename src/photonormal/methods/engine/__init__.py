@@ -18,20 +18,33 @@ def run(method: Method, capture: Capture, device: torch.device, rows: slice | No
     `rows`: of those that lie in some rows of the frame, as `parts.divided` gives them; the solutions of all such parts,
     `parts.joined`, are that of the whole.
 
-    Dark pictures of 8 bits that were cut off to whole grey levels get back what that took (`engine.cutoff`).
+    What is certainly wrong with pictures is mended first (`prepared`).
 
     Raises
     ------
     InputError
         If the capture is not what the method needs, or no light reached any pixel.
     """
-    from photonormal.methods.engine.cutoff import given_back
+    return run_as_it_is(method, prepared(method, capture), device, rows)
 
-    return run_as_it_is(method, given_back(capture) if method.needs.lights else capture, device, rows)
+
+def prepared(method: Method, capture: Capture) -> Capture:
+    """The capture as a method that is told the lights is to see it; its notes say what was done.
+
+    Dark pictures that were cut off to whole grey levels get back what that took (`engine.cutoff`). Where the method
+    asks for it, pictures are divided by what they are brighter than their lights' intensities say (`engine.evened`).
+    """
+    from photonormal.methods.engine.cutoff import given_back
+    from photonormal.methods.engine.evened import evened
+
+    if not method.needs.lights:
+        return capture
+    capture = given_back(capture)
+    return evened(capture, method) if isinstance(method, Streaming) else capture
 
 
 def run_as_it_is(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
-    """The same of a capture that has got back what cutting off took."""
+    """The same of a capture that is `prepared`."""
     check(method, capture)
     if capture.lamps is not None and not method.needs.finds_lights:
         from photonormal.methods.engine.near import UnderLamps

@@ -8,23 +8,19 @@ the middle of each step: then no sample lacks anything, but black is half a leve
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.masked import box_of
+from photonormal.methods.engine.looks import greys, luma, of_some
 from photonormal.methods.engine.zeros import Filled
-from photonormal.shading import LUMA
 from photonormal.types import Capture, Image, Images, window_of
 
 MIDDLE = 0.75  # levels: above black, which is stored as 0.5, and below the next level
 WHOLE = 0.1  # by which samples are off whole numbers, at most, where a file holds them
 COARSE = 10.0  # median sample that is not black, in levels, below which zeros are looked at
 FEWEST, SPREAD = 20, 0.1  # lights, and relative deviation of their intensities, that can tell
-PIXELS, ROWS = 3000, 24  # looked at, on so many rows
-CLOSE = 16  # rows between them up to which all are read: faster than each by itself
 MIDDLING = 0.35, 0.85  # quantiles of a pixel's shading between which its samples are taken: no shadow, no highlight
 LOST, MOST = 0.22, 0.8  # levels that samples lack, for a half to be given back
 SURE = 0.1  # largest deviation of how many they lack
@@ -40,10 +36,10 @@ def given_back(capture: Capture) -> Capture:
     levels = Quantisation.of(capture)
     if levels is None or capture.lights is None:
         return capture
-    greys, half = _greys(capture), np.zeros_like(levels.size)
+    grey, half = greys(capture), np.zeros_like(levels.size)
     if levels.darkest:
         black, notes = MIDDLE, ["The darkest level is stored as the middle of its step; it is taken for black."]
-    elif levels.uneven() and _cut_off(*missing(greys, levels.grey, capture.known_lights())):
+    elif levels.uneven() and _cut_off(*missing(grey, levels.grey, capture.known_lights())):
         half = levels.size / 2
         black, notes = 0.0, ["Samples were cut off to whole levels; half a level was added to each that is not zero."]
     else:
@@ -51,7 +47,7 @@ def given_back(capture: Capture) -> Capture:
     assert capture.saturation is not None
     images, saturation = Repaired(capture.images, black * levels.size, half), capture.saturation + half
     repaired = replace(capture, images=images, saturation=saturation)
-    lit = (greys / levels.grey)[greys > black * levels.grey]
+    lit = (grey / levels.grey)[grey > black * levels.grey]
     if len(lit) and np.median(lit) < COARSE and capture.lamps is None:
         repaired = replace(repaired, images=Filled(repaired, levels.size))
         notes.append(
@@ -85,7 +81,7 @@ class Quantisation:
         if dtype not in (np.uint8, np.uint16) or capture.saturation is None or capture.linearised:
             return None
         full, saturation = np.iinfo(dtype).max, capture.saturation
-        counts = _some(capture, lambda samples, j: samples / saturation[j] * full)
+        counts = of_some(capture, lambda samples, j: samples / saturation[j] * full)
         whole = np.round(counts).astype(np.int64)
         if np.abs(counts - whole).max() > WHOLE:  # pictures that were reduced: means of whole numbers
             return Quantisation(_of_size(capture, 1 / full), 0.0) if dtype == np.uint8 else None
@@ -99,7 +95,7 @@ class Quantisation:
     @property
     def grey(self) -> Float[np.ndarray, " n"]:
         """What a level is worth of grey."""
-        return self.size @ _weights(self.size)
+        return self.size @ luma(self.size.shape[1])
 
     def uneven(self) -> bool:
         """Whether lights differ enough, and are enough, to tell what samples lack."""
@@ -150,34 +146,6 @@ def _robust(A: Float[np.ndarray, "n k"], y: Float[np.ndarray, " n"]) -> tuple[fl
         w = np.clip(1 - (residual / (FAR * s)) ** 2, 0, None) ** 2
         c = np.linalg.lstsq(A * np.sqrt(w)[:, None], y * np.sqrt(w), rcond=None)[0]
     return float(c[0]), float(s * np.sqrt(np.linalg.pinv((A * w[:, None]).T @ A)[0, 0]))
-
-
-def _weights(level: Float[np.ndarray, "n c"]) -> np.ndarray:
-    return np.asarray(LUMA if level.shape[1] == 3 else (1.0,))
-
-
-def _greys(capture: Capture) -> Float[np.ndarray, "p n"]:
-    """Grey samples of some pixels of the mask."""
-    return _some(capture, lambda samples, j: samples @ _weights(samples)).T
-
-
-def _some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
-    """What is made of some pixels' samples (p, c) of each image, on a few rows."""
-    lines = np.flatnonzero(capture.mask.any(1))
-    lines = lines[np.unique(np.linspace(0, len(lines) - 1, ROWS).round().astype(int))]
-    step, columns = max(1, int(capture.mask[lines].sum()) // PIXELS), box_of(capture.mask)[1]
-    close = lines[-1] - lines[0] < CLOSE * len(lines)  # read together, with the rows between
-    spans = [lines] if close else lines[:, None]
-    inside = [np.flatnonzero(capture.mask[some, columns]) for some in spans]
-
-    def of_image(j: int) -> np.ndarray:
-        samples = []
-        for some, pixels in zip(spans, inside, strict=True):
-            rows = window_of(capture.images, j, slice(some[0], some[-1] + 1), columns)[some - some[0]]
-            samples.append(rows.reshape(-1, rows.shape[2]).take(pixels, axis=0))
-        return of(np.concatenate(samples)[::step], j)
-
-    return np.stack(capture.each_image(of_image))
 
 
 class Repaired:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from photonormal.methods.contract import Needs
+from torch import Tensor
+
+from photonormal.methods.contract import Needs, Observations
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.weights import checksum, load, shipped
 from photonormal.options import Rotations
@@ -36,6 +39,10 @@ class Weighted:
 
     def lights_network(self) -> Any:
         """None: lights are given."""
+        return None
+
+    def brightened(self, seen: Callable[[], Observations]) -> Tensor | None:
+        """None: pictures are seen as they are."""
         return None
 
     @property

@@ -9,6 +9,7 @@ to the prior. Untrained it returns its prior.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -16,6 +17,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from photonormal.methods.contract import Observations
 from photonormal.methods.learned.around import Coarse, Level, Refine, begun, joined, starting_at
 from photonormal.methods.learned.frame import Encoder, Frame, Shared, shading, tokens
 from photonormal.methods.learned.layers import SLOPE, Block, conv, unit
@@ -23,6 +25,7 @@ from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import PixelNetwork, Step
 from photonormal.methods.learned.pooling import Pooled, pool, weighted_sum
 from photonormal.methods.learned.processor import exactly, of_rows
+from photonormal.methods.uncalibrated.evened import brightened
 from photonormal.options import Effort
 from photonormal.types import InputError
 
@@ -213,10 +216,16 @@ class NormalNetMethod(Learned):
     prior : a classical method in place of the one that the weights were learned with; "": that one
     passes : how often the network looks; from the second time on its own normals are the prior
     fast : the network looks at half the resolution, and a classical method keeps the detail
+    even : pictures that are clearly brighter or darker than their lights' intensities say are divided by that first
     """
 
     prior: str = ""
     passes: Effort = 2
     fast: bool = False
+    even: bool = True
     name = "normalnet"
     exact = NormalNet.exact
+
+    def brightened(self, seen: Callable[[], Observations]) -> Tensor | None:
+        """By the object's own shading, where that is certain."""
+        return brightened(seen()) if self.even else None

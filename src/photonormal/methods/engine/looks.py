@@ -1,0 +1,54 @@
+"""Some of a capture's pixels, evenly spaced on a few rows: what is told of the whole capture is told by these."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.masked import box_of
+from photonormal.shading import LUMA
+from photonormal.types import Capture, window_of
+
+PIXELS, ROWS = 3000, 24  # looked at, on so many rows
+CLOSE = 16  # rows between them up to which all are read: faster than each by itself
+
+
+def looked_at(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Where those pixels are."""
+    lines = np.flatnonzero(mask.any(1))
+    lines = lines[np.unique(np.linspace(0, len(lines) - 1, ROWS).round().astype(int))]
+    found = np.zeros_like(mask)
+    found[lines] = mask[lines]
+    inside = np.flatnonzero(found)
+    found.flat[np.delete(inside, slice(None, None, max(1, len(inside) // PIXELS)))] = False
+    return found
+
+
+def of_some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
+    """What is made of those pixels' samples (p, c) in each image, row by row."""
+    where = looked_at(capture.mask)
+    lines, columns = np.flatnonzero(where.any(1)), box_of(capture.mask)[1]
+    close = lines[-1] - lines[0] < CLOSE * len(lines)  # read together, with the rows between
+    spans = [lines] if close else lines[:, None]
+    inside = [np.flatnonzero(where[some, columns]) for some in spans]
+
+    def of_image(j: int) -> np.ndarray:
+        samples = []
+        for some, pixels in zip(spans, inside, strict=True):
+            rows = window_of(capture.images, j, slice(some[0], some[-1] + 1), columns)[some - some[0]]
+            samples.append(rows.reshape(-1, rows.shape[2]).take(pixels, axis=0))
+        return of(np.concatenate(samples), j)
+
+    return np.stack(capture.each_image(of_image))
+
+
+def luma(channels: int) -> np.ndarray:
+    """What each channel counts in grey."""
+    return np.asarray(LUMA if channels == 3 else (1.0,))
+
+
+def greys(capture: Capture) -> Float[np.ndarray, "p n"]:
+    """Their grey samples."""
+    return of_some(capture, lambda samples, _: samples @ luma(samples.shape[1])).T

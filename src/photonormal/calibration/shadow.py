@@ -133,10 +133,8 @@ class Surroundings:
             T, unsure = _table(L, np.exp(gamma * bright @ (1.0, circle.x, circle.y))) if table is None else (table, 0.0)
             lamps = 1 - (1 - self.deep) ** (gamma / EDGE_POWER)  # of all light
             cast = partial(_cast, circle, T, x, y, _near(circle, L, T, gamma / lamps * bright[:, 1:]))
-            S, less = (
-                cast(xy[shown]),
-                1 - (1 - dark) ** (gamma / EDGE_POWER),
-            )  # of light: edges are where it is half way
+            S = cast(xy[shown])
+            less = 1 - (1 - dark) ** (gamma / EDGE_POWER)  # of light: edges are where it is half way
             left = np.nan_to_num(_correlation(less, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
             correlation = float(np.nan_to_num(_correlation(less[left].ravel(), S[left].ravel())))
             found.append(Compared(correlation, shown, T, unsure, less, cast))

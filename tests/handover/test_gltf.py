@@ -157,4 +157,4 @@ def test_what_has_no_surface_is_refused(measured, tmp_path, refused):
     refused("--to", "gltf", "--out", tmp_path / "a.glb", result=tmp_path / "r", says="roughness.png is (3, 3)")
     (tmp_path / "r" / "depth.npz").unlink()
     refused("--to", "gltf", "--out", tmp_path / "a.glb", result=tmp_path / "r", says="depth.npz")
-    refused("--to", "gltf", "--out", tmp_path / "a.glb", result=tmp_path, says="measure")
+    refused("--to", "gltf", "--out", tmp_path / "a.glb", result=tmp_path, says="give a result in it, such as")

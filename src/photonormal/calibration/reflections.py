@@ -259,4 +259,6 @@ def _centroid(weights: Float[np.ndarray, "h w"], part: Bool[np.ndarray, "h w"]) 
     opened = (cv2.distanceTransform((depth < radius).astype(np.uint8), cv2.DIST_L2, 5) < radius) & (blob > 0)
     row, column = np.nonzero(opened)
     w = weights[box][row, column]
+    if not w.any():
+        return np.nan, np.nan  # nothing stands out
     return float((column * w).sum() / w.sum() + box[1].start), float((row * w).sum() / w.sum() + box[0].start)

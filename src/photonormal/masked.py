@@ -74,6 +74,13 @@ def box_of(mask: Bool[np.ndarray, "h w"], margin: int = 0) -> tuple[slice, slice
     return spans[0], spans[1]
 
 
+def thinned(mask: Bool[np.ndarray, "h w"], step: int) -> Bool[np.ndarray, "h w"]:
+    """One of `step` of the mask's pixels."""
+    found = mask.copy()
+    found.flat[np.delete(np.flatnonzero(mask), slice(None, None, step))] = False
+    return found
+
+
 def on_rim(mask: Bool[np.ndarray, "h w"]) -> float:
     """Part of the frame's outermost pixels that is on a mask."""
     edge = np.ones_like(mask)

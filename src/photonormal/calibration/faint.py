@@ -16,6 +16,7 @@ from photonormal.calibration.reflections import RIM
 from photonormal.calibration.shadow import FEW, VIEW, Compared, Surroundings
 from photonormal.geometry import normalised
 
+LARGEST_PX = 15  # radius of a sphere below which its shadows alone may tell its lamps
 PLAINLY = 0.9  # correlation in one picture from which its shadow tells the lamp
 TILT_UNSURE = 0.03  # standard deviation of a table's normal as shadows tell it
 FIRST, LAST = 0.15, 0.01  # steps in radii by which the middle of a shadow is looked for

@@ -32,7 +32,6 @@ ENOUGH_PX = 50  # radius of a sphere with which highlights are found surely enou
 SPREAD = 0.03  # of the highlights, in radii, below which they do not move
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 ASTRAY = (6.0, 0.35)  # how far below the middle one picture may be, in what that lacks, and at least
-FAINT_PX = 15  # radius of a sphere below which its shadows may tell what it mirrors in noise
 FAINTLY = (
     "the sphere mirrors the lamps hardly more brightly than noise, so that its shadows tell where they are; use a "
     "larger or shinier sphere, or expose longer."
@@ -160,7 +159,7 @@ def _in_place(
 
 def _faintly(found: Found, around: Surroundings, dark: np.ndarray, pixel: float) -> Found:
     """A small circle with what it mirrors where its shadows say so, if all pictures together mirror there."""
-    if found.shadows <= BEGIN or found.circle.r >= FAINT_PX * pixel:
+    if found.shadows <= BEGIN or found.circle.r >= faint.LARGEST_PX * pixel:
         return found
     cast = faint.anywhere(around, found.circle, found.xy)
     if _shown(cast) < MIRRORS or not faint.mirrored(dark, cast, pixel):

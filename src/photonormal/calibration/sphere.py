@@ -166,7 +166,7 @@ def _one(
     box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
     cut = Circle(circle.x - x0, circle.y - y0, circle.r)
     highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
-    if not found.shades or circle.r >= FEW_PX:  # else shadows will do
+    if not found.shades or circle.r >= faint.LARGEST_PX:  # else shadows will do
         check_number(highlights, names, circle, where)
         check_sizes(highlights, names, circle, where)
     moved = [h and h.moved(x0, y0) for h in highlights]

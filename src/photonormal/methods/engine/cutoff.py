@@ -13,8 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.methods.engine.looks import greys, luma, of_some
+from photonormal.methods.engine.looks import looked_at, of_some
+from photonormal.methods.engine.samples import grey_levels
 from photonormal.methods.engine.zeros import Filled
+from photonormal.methods.inputs.grey import grey_samples
 from photonormal.types import Capture, Image, Images, window_of
 
 MIDDLE = 0.75  # levels: above black, which is stored as 0.5, and below the next level
@@ -36,7 +38,7 @@ def given_back(capture: Capture) -> Capture:
     levels = Quantisation.of(capture)
     if levels is None or capture.lights is None:
         return capture
-    grey, half = greys(capture), np.zeros_like(levels.size)
+    grey, half = grey_levels(capture, looked_at(capture.mask)).double().numpy(), np.zeros_like(levels.size)
     if levels.darkest:
         black, notes = MIDDLE, ["The darkest level is stored as the middle of its step; it is taken for black."]
     elif levels.uneven() and _cut_off(*missing(grey, levels.grey, capture.known_lights())):
@@ -95,7 +97,7 @@ class Quantisation:
     @property
     def grey(self) -> Float[np.ndarray, " n"]:
         """What a level is worth of grey."""
-        return self.size @ luma(self.size.shape[1])
+        return grey_samples(self.size).astype(float)
 
     def uneven(self) -> bool:
         """Whether lights differ enough, and are enough, to tell what samples lack."""

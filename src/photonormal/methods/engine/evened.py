@@ -11,7 +11,8 @@ from jaxtyping import Float
 
 from photonormal.lighting import under
 from photonormal.methods.contract import Observations, Streaming
-from photonormal.methods.engine.looks import greys, looked_at
+from photonormal.methods.engine.looks import looked_at
+from photonormal.methods.engine.samples import grey_levels
 from photonormal.methods.inputs.grey import Levels
 from photonormal.types import Capture
 
@@ -31,9 +32,10 @@ def evened(capture: Capture, method: Streaming) -> Capture:
 
 def some_of(capture: Capture) -> Observations:
     """Some of its pixels, as a method is shown them."""
-    I = torch.from_numpy(np.nan_to_num(greys(capture))).float()
+    where = looked_at(capture.mask)
+    I = grey_levels(capture, where)
     levels, L = Levels.of(I), torch.from_numpy(capture.known_lights())
-    return Observations(levels.cut_(I), levels.lit(I), L, mask=torch.from_numpy(looked_at(capture.mask)))
+    return Observations(levels.cut_(I), levels.lit(I), L, mask=torch.from_numpy(where))
 
 
 def note(e: Float[np.ndarray, " n"], names: Sequence[str]) -> str:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 
-from photonormal.masked import box_of
-from photonormal.shading import LUMA
+from photonormal.masked import box_of, thinned
 from photonormal.types import Capture, window_of
 
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
@@ -21,9 +20,7 @@ def looked_at(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     lines = lines[np.unique(np.linspace(0, len(lines) - 1, ROWS).round().astype(int))]
     found = np.zeros_like(mask)
     found[lines] = mask[lines]
-    inside = np.flatnonzero(found)
-    found.flat[np.delete(inside, slice(None, None, max(1, len(inside) // PIXELS)))] = False
-    return found
+    return thinned(found, max(1, int(found.sum()) // PIXELS))
 
 
 def of_some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np.ndarray:
@@ -42,13 +39,3 @@ def of_some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np
         return of(np.concatenate(samples), j)
 
     return np.stack(capture.each_image(of_image))
-
-
-def luma(channels: int) -> np.ndarray:
-    """What each channel counts in grey."""
-    return np.asarray(LUMA if channels == 3 else (1.0,))
-
-
-def greys(capture: Capture) -> Float[np.ndarray, "p n"]:
-    """Their grey samples."""
-    return of_some(capture, lambda samples, _: samples @ luma(samples.shape[1])).T

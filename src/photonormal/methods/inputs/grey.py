@@ -9,6 +9,7 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
+from photonormal.masked import thinned
 from photonormal.methods.inputs.blocks import seen_from, some_pixels
 from photonormal.shading import LUMA, cosines, over_lights
 
@@ -40,10 +41,7 @@ def telling(mask: Bool[np.ndarray, "h w"], n: int) -> Bool[np.ndarray, "h w"]:
     step = max(1, min(int(mask.sum()) * n // AMONG, len(lines)))
     found = np.zeros_like(mask)
     found[lines[step // 2 :: step]] = mask[lines[step // 2 :: step]]
-    inside = np.flatnonzero(found)
-    step = max(1, len(inside) * n // READ)
-    found.flat[np.delete(inside, slice(None, None, step))] = False
-    return found
+    return thinned(found, max(1, int(found.sum()) * n // READ))
 
 
 @dataclass(frozen=True)

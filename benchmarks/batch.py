@@ -123,9 +123,12 @@ def run(season: Path, out: Path, *words: str) -> Run:
             if event["event"] == "done":
                 done.append(event | {"at": now, "elapsed": now - at[event["capture"]]})
                 used = {where: _processor(where) or before for where, before in used.items()}
-    assert process.returncode == 0
+            if event["event"] == "summary":
+                break  # what its processes are forked of ends after the command, and holds its output until then
+        assert process.wait() == 0
+        end = time.monotonic()
     first, last = done[0]["at"], done[-1]["at"]
-    return Run(time.monotonic() - start, first - start, last - first, sum(used.values()), done)
+    return Run(end - start, first - start, last - first, sum(used.values()), done)
 
 
 def _processor(where: str) -> float:

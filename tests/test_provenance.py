@@ -1,5 +1,6 @@
 """What a result depends on: the code that a method runs through, and the files that were read."""
 
+import ast
 import hashlib
 import shutil
 
@@ -27,6 +28,18 @@ def test_the_digest_follows_what_a_method_runs_through(monkeypatch, tmp_path):
     with (package / "shading.py").open("a") as file:  # both compute with it
         file.write("# edited\n")
     assert provenance.source_sha256(woodham) != before[0]
+
+
+def test_all_that_a_module_imports_of_photonormal_is_seen():
+    for path in provenance.PACKAGE.rglob("*.py"):
+        source, imported = path.read_bytes(), set()
+        for node in ast.walk(ast.parse(source)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                imported |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+            elif isinstance(node, ast.Import):
+                imported |= {alias.name for alias in node.names}
+        seen = set(provenance._imports(source))
+        assert seen >= {name for name in imported if name.split(".")[0] == "photonormal"}, path
 
 
 def test_a_program_is_told_by_all_its_code_whatever_the_line_ends(monkeypatch, tmp_path):

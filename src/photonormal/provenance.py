@@ -5,8 +5,8 @@ It stands in a result's report, so that a later run can tell whether the same wo
 
 from __future__ import annotations
 
-import ast
 import hashlib
+import re
 from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
@@ -20,6 +20,7 @@ from photonormal.stored import Word
 from photonormal.types import InputError
 
 PACKAGE = Path(__file__).parent
+IMPORTS = re.compile(r"^ *(?:from|import) (photonormal[\w.]*)(?: import (\([^)]*\)|.*))?", re.MULTILINE)
 PARTS = {".py", ".json", ".safetensors"}  # of the package that results depend on
 ENGINE = tuple(f"photonormal.methods.engine.{part}" for part in ("samples", "stream", "halved", "near"))
 FINDING = {  # where lights come from -> what finds them
@@ -211,13 +212,10 @@ def _content(file: Path) -> bytes:
 
 
 def _imports(source: bytes) -> Iterable[str]:
-    names = []
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.ImportFrom) and node.module:
-            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        elif isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-    return [name for name in names if name.split(".")[0] == "photonormal"]
+    """The modules of photonormal, and the names in them, that a module imports anywhere."""
+    for module, names in IMPORTS.findall(source.decode()):
+        yield module
+        yield from (f"{module}.{name}" for name in re.findall(r"[\w.]+", names))
 
 
 def _file(module: str) -> Path | None:

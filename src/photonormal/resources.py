@@ -9,10 +9,11 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 KEPT = 2**29  # bytes that a process may hold: what a small capture frees, the next one needs again
 
@@ -100,12 +101,18 @@ def by_one_thread() -> Iterator[None]:
     """
     torch = sys.modules.get("torch")
     use, threads = (torch.set_num_threads, torch.get_num_threads()) if torch else (lambda _: None, 1)
-    with threadpool_limits(1, user_api="blas"):
+    with _libraries(len(sys.modules)).limit(limits=1, user_api="blas"):
         use(1)
         try:
             yield
         finally:
             use(threads)
+
+
+@lru_cache(maxsize=1)
+def _libraries(modules: int) -> ThreadpoolController:
+    """Those that numpy and SciPy compute by; more come only with modules, and to look for them takes milliseconds."""
+    return ThreadpoolController()
 
 
 def in_threads(f: Callable[[S], T], items: Iterable[S], threads: int) -> list[T]:

@@ -80,11 +80,12 @@ class Batch:
 
     def __call__(self) -> int:
         from photonormal.batch.captures import jobs
-        from photonormal.batch.run import run
 
         like, going = of_all(self), self.batch
         found = jobs(self.captures, self.out, like, kinds())
         with going.measured(soon=not all(named.job.out.exists() for named in found.captures)) as measured:
+            from photonormal.batch.run import run
+
             done = run(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)
         return 1 if done["failed"] else 0
 

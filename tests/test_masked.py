@@ -1,6 +1,6 @@
 import numpy as np
 
-from photonormal.masked import means, numbered, on_map, picked, row_bands, taken
+from photonormal.masked import grid_bands, means, numbered, on_map, picked, row_bands, taken
 
 
 def test_bands_hold_every_pixel_once_and_few_of_them():
@@ -11,6 +11,20 @@ def test_bands_hold_every_pixel_once_and_few_of_them():
     assert sum(mask[b].sum() for b in bands) == mask.sum() and all(mask[b].any(1).all() for b in bands)
     assert row_bands(np.zeros((4, 4), bool)) == []
     assert [mask[rows].sum() for rows, _ in numbered(mask)] == [p.stop - p.start for _, p in numbered(mask)]
+
+
+def test_of_a_grid_the_rows_between_are_skipped():
+    mask = np.zeros((60, 8), bool)
+    mask[4:50:3] = True
+    assert grid_bands(mask) == [slice(4, 50, 3)]
+    assert grid_bands(mask, 16) == [slice(k, k + 4, 3) for k in range(4, 50, 6)]
+    mask[20:40] = False
+    assert [mask[rows].sum() for rows in grid_bands(mask)] == [48, 32]
+    mask[5] = True
+    assert grid_bands(mask) == [slice(rows.start, rows.stop, 1) for rows in row_bands(mask)]
+    far = np.zeros((60, 8), bool)
+    far[[0, 40]] = True
+    assert grid_bands(far) == [slice(0, 1, 1), slice(40, 41, 1)] and grid_bands(~far[:1]) == []
 
 
 def test_what_is_taken_off_a_map_goes_back_to_its_place():

@@ -44,7 +44,8 @@ T = TypeVar("T")
 class Images(Protocol):
     """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for.
 
-    Those that can read a part of one alone have ``window(j, rows, columns)``, which `window_of` asks.
+    Those that can read a part of one alone have ``window(j, rows, columns)``, which `window_of` asks; `rows` may be
+    every second or third of them.
     """
 
     @property

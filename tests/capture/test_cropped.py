@@ -31,6 +31,7 @@ def test_a_crop_is_a_part_of_the_whole(tmp_path, crop):
         part.window(2, np.s_[1:6], np.s_[4:9])[part.mask[1:6, 4:9]],
         whole.images[2][9:14, 10:15][MASK[9:14, 10:15]],
     )
+    np.testing.assert_array_equal(part.window(2, np.s_[1:9:3], np.s_[4:9]), part.window(2, np.s_[1:9], np.s_[4:9])[::3])
 
 
 def test_samples_are_averaged_in_linear_light(tmp_path):
@@ -41,6 +42,7 @@ def test_samples_are_averaged_in_linear_light(tmp_path):
     for j in range(4):
         np.testing.assert_allclose(small.images[j], halved(to_linear(samples(j, np.uint8) / 255)[CROP]), rtol=1e-5)
         np.testing.assert_array_equal(small.window(j, np.s_[1:4], np.s_[2:9]), small.images[j][1:4, 2:9])
+        np.testing.assert_array_equal(small.window(j, np.s_[1:5:2], np.s_[2:9]), small.images[j][1:5:2, 2:9])
 
 
 def test_a_scale_that_does_not_divide_keeps_the_mean(tmp_path):

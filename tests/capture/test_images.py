@@ -54,7 +54,8 @@ def test_beyond_the_memory_allowed_a_scratch_file_keeps_them(paths, monkeypatch,
         np.testing.assert_array_equal(files[j], kept[j])
     for path in paths:
         path.unlink()
-    for rows, columns in ((slice(0, 3), slice(0, 30)), (slice(5, 23), slice(6, 21)), (slice(13, 14), slice(14, 15))):
+    some = (0, 3), (5, 23), (13, 14), (2, 24, 3), (8, 22, 5), (1, 24, 16)
+    for rows, columns in ((slice(*rows), slice(*columns)) for rows in some for columns in ((0, 30), (6, 21))):
         np.testing.assert_array_equal(files.window(2, rows, columns), kept[2][rows, columns])
     assert set(tmp_path.iterdir()) <= before  # it has no name: nothing is left after a crash
 
@@ -66,10 +67,14 @@ def test_no_room_for_the_scratch_file(paths, monkeypatch):
     assert "a scratch file of" in (said := refusal(files.__getitem__, 0)) and "--memory" in said, said
 
 
+EVERY = tuple((slice(first, 24, step), slice(3, 30)) for first in (0, 1, 20) for step in (2, 5, 30))  # rows
+
+
 @pytest.mark.parametrize("mask", [None, MASK])
 def test_windows_are_parts_of_pictures(paths, mask):
     files = ImageFiles(paths, mask, ONE)
-    for rows, columns in ((slice(0, 24), slice(0, 30)), (slice(2, 11), slice(12, 40)), (slice(0, 2), slice(0, 2))):
+    whole = (slice(0, 24), slice(0, 30)), (slice(2, 11), slice(12, 40)), (slice(0, 2), slice(0, 2))
+    for rows, columns in (*whole, *EVERY):
         np.testing.assert_array_equal(files.window(1, rows, columns), files[1][rows, columns])
 
 

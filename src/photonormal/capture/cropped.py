@@ -66,8 +66,8 @@ class Cropped:
             return self._kept.image(j, rows, columns)
         places = []
         for span, side, box in zip((rows, columns), self.crop.shape, self.crop.box, strict=True):
-            first, last, _ = span.indices(side)
-            places.append(slice(box.start + first, box.start + last))
+            first, last, step = span.indices(side)
+            places.append(slice(box.start + first, box.start + last, step))
         return self.images.window(j, *places)
 
     def __len__(self) -> int:

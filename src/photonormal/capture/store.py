@@ -103,17 +103,19 @@ class OnDisk:
 
     def window(self, j: int, rows: slice, columns: slice) -> np.ndarray:
         """A part of them."""
-        s, c = self.side, self.shape[3]
-        found = np.empty((rows.stop - rows.start, columns.stop - columns.start, c), self.dtype)
+        s, c, step = self.side, self.shape[3], rows.step or 1
+        lines = range(rows.start, rows.stop, step)
+        found = np.empty((len(lines), columns.stop - columns.start, c), self.dtype)
         for y in range(rows.start // s, -(-rows.stop // s)):
-            top, bottom = max(rows.start, y * s), min(rows.stop, (y + 1) * s)
+            here = slice(*(-(-max(0, row - rows.start) // step) for row in (y * s, min(rows.stop, (y + 1) * s))))
+            if here.start == here.stop:
+                continue
+            top, bottom = lines[here.start], lines[here.stop - 1] + 1
             for x in range(columns.start // s, -(-columns.stop // s)):
                 left, right = max(columns.start, x * s), min(columns.stop, (x + 1) * s)
                 block = np.empty((bottom - top, s, c), self.dtype)
                 self.scratch.read(self.place(j, y, x) + (top - y * s) * self.row, block)
-                found[top - rows.start : bottom - rows.start, left - columns.start : right - columns.start] = block[
-                    :, left - x * s : right - x * s
-                ]
+                found[here, left - columns.start : right - columns.start] = block[::step, left - x * s : right - x * s]
         return found
 
     def place(self, j: int, y: int, x: int) -> int:
@@ -146,12 +148,11 @@ class Framed:
         """Of a part of picture `j`: its size, where in it the box lies, and the samples there."""
         size, at, inner = [], [], []
         for span, side, box in zip((rows, columns), self.frame, self.box, strict=True):
-            first, last, _ = span.indices(side)
-            a, b = max(first, box.start), min(last, box.stop)
-            b = max(a, b)
-            size.append(last - first)
-            at.append(slice(a - first, b - first))
-            inner.append(slice(a - box.start, b - box.start))
+            first, last, step = span.indices(side)
+            size.append(len(range(first, last, step)))
+            a, b = (min(max(0, -(-(edge - first) // step)), size[-1]) for edge in (box.start, box.stop))
+            at.append(slice(a, b))
+            inner.append(slice(*(first + k * step - box.start for k in (a, b)), step) if a < b else slice(0, 0))
         return (size[0], size[1]), (at[0], at[1]), self.store.window(j, inner[0], inner[1])
 
     def image(self, j: int, rows: slice, columns: slice) -> np.ndarray:

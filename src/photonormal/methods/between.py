@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.masked import box_of
+
 ROWS = 256  # of a map made at a time
 
 
@@ -22,16 +24,17 @@ def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step
     """Positive values of all pixels of the mask from those of a grid: the nearest known one's, smoothed over it."""
     import cv2
 
-    small = found[::step, ::step]
+    box = box_of(mask)
+    above, left = (side.start // step for side in box)
+    small = found[::step, ::step][above : -(-box[0].stop // step) + 1, left : -(-box[1].stop // step) + 1]
     logs = np.log(everywhere(small, ~np.isnan(small))).astype(np.float32)
-    h, w = mask.shape
-    full = np.empty(mask.shape, np.float32)
-    for top in range(0, h, ROWS):
-        rows = slice(top, min(top + ROWS, h))
-        y, x = np.mgrid[rows, :w].astype(np.float32) / np.float32(step)
+    full = np.full(mask.shape, np.nan, np.float32)
+    for top in range(box[0].start, box[0].stop, ROWS):
+        rows = slice(top, min(top + ROWS, box[0].stop))
+        y, x = np.mgrid[rows, box[1]].astype(np.float32) / np.float32(step)
         first = top // step
-        part = logs[first : rows.stop // step + 2]  # between which these rows lie
-        full[rows] = cv2.remap(part, x, y - np.float32(first), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    np.exp(full, out=full)
-    full[~mask] = np.nan
+        part = logs[first - above : rows.stop // step + 2 - above]  # between which these rows lie
+        x, y = x - np.float32(left), y - np.float32(first)
+        values = np.exp(cv2.remap(part, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
+        full[rows, box[1]] = np.where(mask[rows, box[1]], values, np.nan)
     return full

@@ -20,7 +20,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from photonormal.masked import on_map
+from photonormal.masked import box_of, on_map
 from photonormal.methods import name_of, options_of, parse
 from photonormal.methods.bend import bend_deg
 from photonormal.methods.between import between
@@ -78,8 +78,10 @@ def with_expected_error(
     if step > 1 and told_map is not None:
         told_map = told_map.clip(LEAST_TOLD)  # it differs from pixel to pixel; how far to trust it does not
         found = told_map * between(found / told_map, normals.mask, step)
-    shifted *= shift
-    return replace(normals, expected_error_deg=np.hypot(found, shifted, out=shifted).clip(max=90, out=shifted))
+    here = shifted[box_of(normals.mask)]
+    here *= shift
+    np.hypot(found[box_of(normals.mask)], here, out=here).clip(max=90, out=here)
+    return replace(normals, expected_error_deg=shifted)
 
 
 def grid_step(pixels: int, fast: bool) -> int:

@@ -59,6 +59,7 @@ def test_halves_are_means_over_the_masks_pixels_alone():
     np.testing.assert_allclose(small.images[1][4, :10, 0], 0.25 * (0.5 + x / 29), rtol=1e-5)
     again = Halved(capture, Box.of(capture, 2))  # where memory does not hold them
     np.testing.assert_array_equal(again.window(1, slice(2, 7), slice(3, 20)), small.images[1][2:7, 3:20])
+    np.testing.assert_array_equal(again.window(1, slice(2, 9, 3), slice(3, 20)), small.images[1][2:9:3, 3:20])
     np.testing.assert_array_equal(again[3], small.images[3])
 
 

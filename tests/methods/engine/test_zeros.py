@@ -55,6 +55,7 @@ def test_rows_by_rows_it_is_the_same(monkeypatch):
     for j in (0, 7):
         assert np.allclose(rows[j], whole[j], atol=1e-3 * whole.max())
         assert np.array_equal(rows.window(j, slice(5, 40), slice(3, 33)), rows[j][5:40, 3:33])
+        assert np.array_equal(rows.window(j, slice(5, 40, 4), slice(3, 33)), rows[j][5:40:4, 3:33])
 
 
 def test_the_order_of_the_images_changes_nothing():

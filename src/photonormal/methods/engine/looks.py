@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Bool
 
-from photonormal.masked import box_of, thinned
+from photonormal.masked import CLOSE, box_of, thinned
 from photonormal.types import Capture, window_of
 
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
-CLOSE = 16  # rows between them up to which all are read: faster than each by itself
 
 
 def looked_at(mask: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

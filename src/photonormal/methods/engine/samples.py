@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.masked import box_of, row_bands
+from photonormal.masked import box_of, grid_bands, row_bands
 from photonormal.methods.contract import Observations, Solution, Solver
 from photonormal.methods.engine import plan
 from photonormal.methods.inputs.blocks import blocks
@@ -114,7 +114,7 @@ def grey_levels(
     """
     mask, columns = np.zeros_like(capture.mask), box_of(capture.mask)[1]
     mask[within] = (capture.mask if some is None else some)[within]
-    spans = row_bands(mask)  # a window of a whole frame would be large
+    spans = grid_bands(mask)  # a window of a whole frame would be large
     pixels = [np.flatnonzero(mask[span, columns]) for span in spans]
     I = np.empty((sum(map(len, pixels)), capture.images.shape[0]), np.float32)
 

@@ -58,6 +58,8 @@ class Filled:
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of one picture."""
+        if (rows.step or 1) > 1:
+            return self.window(j, slice(rows.start, rows.stop), columns)[:: rows.step]
         image = window_of(self.capture.images, j, rows, columns).copy()
         (top, bottom, _), (left, right, _) = (
             s.indices(side) for s, side in zip((rows, columns), self.shape[1:3], strict=True)

@@ -33,6 +33,7 @@ COMPARED = {  # what a result is made by -> how a change of it is told
     "method": "method",
     "options": "options",
     "precision": "precision",
+    "srgb": "srgb",
     "weights_sha256": "other weights",
     "source_sha256": "other code of the method",
     "lights_sha256": "other weights of the network that tells lights",
@@ -104,9 +105,11 @@ def made_by(method: str, options: Mapping[str, Any], lights: LightsFrom = "given
 def change(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str] | None:
     """The first of COMPARED in which two results differ, and what to say of it; None where they agree."""
     for key, what in COMPARED.items():
-        default = "auto" if key == "precision" else None
+        default = {"precision": "auto", "srgb": False}.get(key)
         if before.get(key, default) != now.get(key, default):
-            return key, what if key.endswith("sha256") else f"{what} {before.get(key)}, not {now.get(key)}"
+            return key, what if key.endswith(
+                "sha256"
+            ) else f"{what} {before.get(key, default)}, not {now.get(key, default)}"
     return None
 
 

@@ -55,6 +55,18 @@ def test_captures_of_any_layout(tmp_path):
     assert "Normal_gt.mat is missing" in done.failures[0] and "bench captures" in done.failures[0]
 
 
+def test_captures_whose_files_do_not_say_that_they_are_encoded(tmp_path):
+    write_diligent(tmp_path / "mine" / "vase", lambertian(sphere(24), ring(6, 60)))
+    bench("captures", tmp_path / "mine", tmp_path / "right", methods="woodham")
+    bench("captures", tmp_path / "mine", tmp_path / "linearised", methods="woodham", srgb=True)
+    right, linearised = (tables(tmp_path / runs)[0].rows[0].cells["vase"].value for runs in ("right", "linearised"))
+    assert linearised > right + 3
+    with pytest.raises(InputError, match="was made with"):
+        bench("captures", tmp_path / "mine", tmp_path / "linearised", methods="woodham")
+    with pytest.raises(InputError, match="--srgb is for `bench captures`"):
+        bench("diligent", tmp_path / "mine", tmp_path / "others", methods="woodham", srgb=True)
+
+
 def test_materials_have_means_instead_of_columns(tmp_path, run):
     for k in range(14):
         write_diligent(tmp_path / "root" / f"material-{k}", lambertian(sphere(24), ring(6, 60), 0.1 + k / 20))

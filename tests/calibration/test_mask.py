@@ -1,5 +1,7 @@
 """A mask from the shading."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,23 @@ def test_the_command_writes_a_mask_that_the_capture_uses(tmp_path, capsys):
     assert overlap(pn.load(tmp_path / "object").mask, right.mask) > 0.93
     assert len(find_pictures(tmp_path / "object")) == 8  # the preview is no photograph
     assert main(["mask", str(tmp_path / "object"), "--out", str(tmp_path / "object" / "mask.png")]) == 2
+
+
+def test_a_second_thing_in_the_frame_is_left_out_and_named(tmp_path, capsys):
+    right = lambertian(sphere(), dome(8, 50.0))
+    small = np.asarray(right.images)[:, ::2, ::2]
+    side = right.mask.shape[0]
+    images = np.zeros((8, side, 2 * side, 1), np.float32)
+    images[:, :, :side], images[:, : small.shape[1], -small.shape[2] :] = (
+        np.asarray(right.images)[..., :1],
+        small[..., :1],
+    )
+    write_diligent(tmp_path / "two", replace(right, images=images, mask=np.ones((side, 2 * side), bool), truth=None))
+    assert main(["mask", str(tmp_path / "two"), "--out", str(tmp_path / "two.png")]) == 0
+    said = capsys.readouterr().out
+    x, y = 2 * side - small.shape[2] / 2, small.shape[1] / 2
+    assert f"another stands out around {x - 0.5:.0f},{y - 0.5:.0f}" in said
+    assert overlap(read_mask(tmp_path / "two.png")[:, :side], right.mask) > 0.93
 
 
 @pytest.mark.data

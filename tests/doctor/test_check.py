@@ -215,6 +215,7 @@ def test_without_a_mask_what_stands_out_of_its_ground_is_judged_but_no_patch_of_
         (fibonacci_hemisphere(4), "4 lights leave no sample to spare"),
         (dome(12, 20.0), "within 20 degrees of the camera's axis"),
         (normalised(np.abs(dome(12)) * [1, 1, 1]), "no light comes from the lower left"),
+        (dome(12) * [1, 0.03, 1], "lie about in one line, so that slopes across it, to the top and the bottom"),
         (dome(12) * [1, 1, -1], "12 lights lie behind the object"),
     ],
 )

@@ -36,6 +36,7 @@ class Item:
     needed : files beside the pictures that must be there
     protocol : "paper": one augmented crop, as the paper validates; "": the capture itself
     truth : true normals have to be there
+    srgb : its photographs are linearised, whatever their files say
     """
 
     dataset: str
@@ -46,6 +47,7 @@ class Item:
     needed: tuple[Path, ...] = ()
     protocol: str = ""
     truth: bool = True
+    srgb: bool = False
 
     def load(self, lights: bool = True) -> Capture:
         """Its capture, with its lights and their intensities or without; InputError where a file is missing."""
@@ -53,7 +55,7 @@ class Item:
         if missing:
             other = ", or use `bench captures`, which takes any layout" if self.format == "diligent" else ""
             raise InputError(f"{', '.join(missing)} is missing; restore it, remove the object's folder{other}.")
-        capture = load(self.path, format=self.format, lights=None if lights else UNKNOWN)
+        capture = load(self.path, format=self.format, lights=None if lights else UNKNOWN, srgb=self.srgb)
         if self.truth and capture.truth is None:
             raise InputError(f"{self.path} has no true normals to score against; add them or remove the object.")
         if self.protocol == "paper":

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -62,6 +62,7 @@ def bench(
     device: str = "auto",
     jobs: int = 1,
     precision: Precision = "auto",
+    srgb: bool = False,
 ) -> RunOutcome:
     """Predict normals of a benchmark's objects and store them; what is stored already is not predicted again.
 
@@ -78,6 +79,7 @@ def bench(
     device : "auto", "cpu" or "cuda"
     jobs : objects at a time, each in its own process with its share of the cores; seconds suffer from each other
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
+    srgb : the photographs of `captures` are sRGB-encoded, whatever their files say
 
     Returns
     -------
@@ -94,7 +96,11 @@ def bench(
     torch_device(device)
     plan = Plan.parse(images, draws, fixed)
     contest = entries(methods)
-    chosen = _named(items(benchmark, Path(root)), objects)
+    if srgb and benchmark != "captures":
+        raise InputError(
+            f"--srgb is for `bench captures` but {benchmark} says how its pictures are stored; leave it out."
+        )
+    chosen = [replace(item, srgb=srgb) for item in _named(items(benchmark, Path(root)), objects)]
     if jobs < 1:
         raise InputError(f"--jobs {jobs} came but 1 or more are needed.")
     outcome = RunOutcome()
@@ -106,7 +112,8 @@ def bench(
             outcome.failures.append(f"{entry.label}: {error}")
             continue
         for dataset in dict.fromkeys(i.dataset for i in chosen):
-            check_config(Path(out) / entry.label / dataset, {**config, "benchmark": benchmark, "precision": precision})
+            made = {**config, "benchmark": benchmark, "precision": precision, "srgb": srgb}
+            check_config(Path(out) / entry.label / dataset, made)
         ready.append(entry)
     run = partial(run_object, contest=ready, plan=plan, out=Path(out), device=device, precision=precision, jobs=jobs)
     with progress(f"{benchmark}: {len(chosen)} objects", len(chosen)) as advance:

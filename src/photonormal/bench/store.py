@@ -70,6 +70,7 @@ class Config(TypedDict):
     weights_sha256: NotRequired[Word | None]
     source_sha256: NotRequired[Word]
     precision: NotRequired[Precision]
+    srgb: NotRequired[bool]
 
 
 class Layout(TypedDict):

@@ -18,10 +18,15 @@ SPLITS = 3  # brightnesses tried, each among what was brighter than the one befo
 
 
 def mask_from_shading(pictures: Float[np.ndarray, "n h w"]) -> Bool[np.ndarray, "h w"]:
-    """The largest lit thing on a darker ground, without holes.
+    """The largest of `things_from_shading`."""
+    return things_from_shading(pictures)[0]
+
+
+def things_from_shading(pictures: Float[np.ndarray, "n h w"]) -> list[Bool[np.ndarray, "h w"]]:
+    """The lit things on a darker ground, without small holes, the largest first.
 
     Pixels are split in two by the logarithm of their brightness (Otsu), again among the brighter ones while what is
-    left touches too much of the border; the split is refined along edges (GrabCut), and the largest part is kept.
+    left touches too much of the border; the split is refined along edges (GrabCut).
 
     Raises
     ------
@@ -44,11 +49,11 @@ def mask_from_shading(pictures: Float[np.ndarray, "n h w"]) -> Bool[np.ndarray, 
         if brighter.size < SMALLEST * grey.size or brighter.min() == brighter.max():
             break
         split, _ = cv2.threshold(brighter[None], 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-        object = _largest(_cut(grey, split))
-        if object.mean() < SMALLEST:
+        things = _things(_cut(grey, split))
+        if not things:
             break
-        if on_rim(object > 0) <= BORDER:
-            return cv2.resize(object, (w, h), interpolation=cv2.INTER_LINEAR) > 0
+        if on_rim(things[0] > 0) <= BORDER:
+            return [cv2.resize(thing, (w, h), interpolation=cv2.INTER_LINEAR) > 0 for thing in things]
     raise InputError("no object stands out of a darker ground in these photographs; draw a mask, white on the object.")
 
 
@@ -67,15 +72,20 @@ def _cut(grey: UInt8[np.ndarray, "h w"], split: float) -> UInt8[np.ndarray, "h w
     return np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
 
 
-def _largest(lit: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
-    """The largest part, and the smaller holes in it."""
+def _things(lit: UInt8[np.ndarray, "h w"]) -> list[UInt8[np.ndarray, "h w"]]:
+    """Its parts that are large enough, each with the smaller holes in it, the largest first."""
     import cv2
 
     lit = cv2.morphologyEx(lit, cv2.MORPH_OPEN, np.ones((5, 5), np.uint8))
     _, labels, stats, _ = cv2.connectedComponentsWithStats(lit)
-    if len(stats) < 2:
-        return np.zeros_like(lit)
-    object = (labels == 1 + int(stats[1:, cv2.CC_STAT_AREA].argmax())).astype(np.uint8)
+    area = stats[1:, cv2.CC_STAT_AREA]
+    order = np.argsort(-area, kind="stable")
+    return [_without_holes((labels == 1 + k).astype(np.uint8)) for k in order if area[k] >= SMALLEST * lit.size]
+
+
+def _without_holes(object: UInt8[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+    import cv2
+
     _, labels, stats, _ = cv2.connectedComponentsWithStats(1 - object)
     small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < HOLE * object.sum())
     return np.maximum(object, np.isin(labels, small[small > 0]).astype(np.uint8))

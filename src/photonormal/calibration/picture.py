@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float, UInt8
@@ -11,13 +12,35 @@ from photonormal.calibration.circle import Circle
 from photonormal.calibration.sphere import Sphere
 
 HEIGHT = 700  # pixels
+LEGIBLE = 60  # radius in pixels of the picture below which a sphere's crosses and numbers would lie on each other
+CLOSE = 1.3  # radii around such a sphere that are shown beside it
 OUTLINE, CENTRE, RIVALS = (0, 200, 255), (255, 60, 160), (255, 160, 0)  # RGB
 
 
 def drawn(
     brightest: Float[np.ndarray, "h w"], spheres: Sequence[Sphere], circles: Sequence[Circle] = ()
 ) -> UInt8[np.ndarray, "a b 3"]:
-    """The spheres of one frame, and circles, on the brightest value of each of its pixels; lights count from 1."""
+    """The spheres of one frame, and circles, on the brightest value of each of its pixels; lights count from 1.
+
+    Of a sphere that is small there, its highlights are drawn beside the frame, where it is enlarged.
+    """
+    legible = LEGIBLE * brightest.shape[0] / HEIGHT
+    small, large = [s for s in spheres if s.circle.r < legible], [s for s in spheres if s.circle.r >= legible]
+    pictures = [_marked(brightest, large, (*circles, *(s.circle for s in small)))]
+    for sphere in small:
+        c = sphere.circle
+        x0, y0 = (max(0, int(at - CLOSE * c.r)) for at in (c.x, c.y))
+        part = brightest[y0 : int(c.y + CLOSE * c.r) + 2, x0 : int(c.x + CLOSE * c.r) + 2]
+        highlights = tuple(h and h.moved(-x0, -y0) for h in sphere.highlights)
+        circle = replace(c, x=c.x - x0, y=c.y - y0)
+        pictures.append(_marked(part, [replace(sphere, circle=circle, highlights=highlights)]))
+    return beside(pictures)
+
+
+def _marked(
+    brightest: Float[np.ndarray, "h w"], spheres: Sequence[Sphere], circles: Sequence[Circle] = ()
+) -> UInt8[np.ndarray, "a b 3"]:
+    """Circles, and spheres with their highlights."""
     import cv2
 
     scale = HEIGHT / brightest.shape[0]

@@ -148,7 +148,10 @@ class Mask:
     def __call__(self) -> int:
         from photonormal.rig.mask import draw_mask
 
-        print(", ".join(str(p) for p in draw_mask(self.folder, self.out, self.overwrite)))
+        drawn = draw_mask(self.folder, self.out, self.overwrite)
+        print(f"{drawn.mask}, {drawn.preview}")
+        if drawn.left_out:
+            print(drawn.left_out)
         next_step("check", self.folder, "--mask", self.out)
         return 0
 

@@ -41,6 +41,8 @@ class Bench:
     """What networks compute in: float32 or bf16; auto: bf16 where the machine has instructions for it."""
     jobs: Count = 1
     """Objects at a time; more than one disturbs the seconds measured."""
+    srgb: bool = False
+    """The photographs of `captures` are sRGB-encoded; by default their profile or Exif data is believed."""
 
     def __call__(self) -> int:
         from photonormal.bench import bench
@@ -57,6 +59,7 @@ class Bench:
             device=self.device,
             precision=self.precision,
             jobs=self.jobs,
+            srgb=self.srgb,
         )
         for failure in done.failures:
             print(f"photonormal: {failure}", file=sys.stderr)

@@ -12,6 +12,7 @@ NARROW_DEG = 25.0  # from the axis: lights nearer than that tell little of steep
 GAP_DEG = 120.0  # around the axis without a light
 TILTED_DEG = 15.0  # from the axis: lights nearer than that have no side
 UNEVEN = 12.0  # condition number of the lights
+LINE = 3.0  # their middle singular value over the smallest, from which on those on two sides lie about in one line
 SIZE = 640  # pixels of the plot
 
 
@@ -19,11 +20,11 @@ def coverage(L: Float[np.ndarray, "n 3"]) -> list[Finding]:
     """Few, narrow, one-sided or ill-conditioned lights."""
     zenith = np.degrees(np.arccos(L[:, 2].clip(-1, 1)))
     azimuth = np.degrees(np.arctan2(L[:, 1], L[:, 0]))[zenith > TILTED_DEG]
-    s = np.linalg.svd(L, compute_uv=False)
+    _, s, V = np.linalg.svd(L)
     numbers = {
         "lights": len(L),
         "widest_deg": round(float(zenith.max()), 1),
-        "condition": round(float(s[0] / s[2]), 2),
+        "condition": round(float(s[0] / max(s[2], 1e-6)), 2),
     }
     found = []
     if len(L) < FEW:
@@ -40,7 +41,14 @@ def coverage(L: Float[np.ndarray, "n 3"]) -> list[Finding]:
         gaps = np.diff(np.append(around, around[0] + 360))
         k = int(gaps.argmax())
         numbers["gap_deg"] = round(float(gaps[k]), 1)
-        if gaps[k] > GAP_DEG:
+        if np.sum(gaps > GAP_DEG) == 2 and s[1] > LINE * s[2]:
+            across = np.degrees(np.arctan2(V[2, 1], V[2, 0])) % 180
+            sides = f"the {_side(across)} and the {_side(across + 180)}"
+            found.append(
+                f"the lights lie about in one line, so that slopes across it, to {sides}, are hardly told; add lights "
+                "on both of these sides"
+            )
+        elif gaps[k] > GAP_DEG:
             side = _side(around[k] + gaps[k] / 2)
             found.append(
                 f"no light comes from the {side} ({gaps[k]:.0f} degrees of the circle are empty), so that side of the "

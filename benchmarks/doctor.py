@@ -26,8 +26,8 @@ import numpy as np
 import torch
 
 from photonormal.doctor import samples
-from photonormal.doctor.frame import Frame, LambertianFit
-from photonormal.doctor.misfit import Pixels
+from photonormal.doctor.frame import LambertianFit, NormalsFrame
+from photonormal.doctor.misfit import MisfitPixels
 from photonormal.examination import check
 from photonormal.geometry import angle_deg, normalised
 from photonormal.synth import recipe
@@ -298,11 +298,11 @@ def encoded(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
 
 
 FRAMES = {
-    "y flipped": Frame(True, 0).matrix(),
-    "x flipped": Frame(True, 180).matrix(),
-    "both flipped": Frame(False, 180).matrix(),
-    "x and y exchanged": Frame(True, 90).matrix(),
-    "quarter turn": Frame(False, 90).matrix(),
+    "y flipped": NormalsFrame(True, 0).matrix(),
+    "x flipped": NormalsFrame(True, 180).matrix(),
+    "both flipped": NormalsFrame(False, 180).matrix(),
+    "x and y exchanged": NormalsFrame(True, 90).matrix(),
+    "quarter turn": NormalsFrame(False, 90).matrix(),
     "z flipped": np.diag([1.0, 1.0, -1.0]),
 }
 FAULTS = {  # name -> what was done, and the kinds of findings that tell it
@@ -344,7 +344,7 @@ TOLD_BY_A_MATT_FIT = {"halfway", "ambient", "encoding"}
 def matt_misfit(capture: Capture) -> float:
     """What a matt surface leaves of the pictures, as part of a pixel's level."""
     I, mask = samples.on_object(samples.read(capture))
-    pixels = Pixels.of(I, mask)
+    pixels = MisfitPixels.of(I, mask)
     return 0.0 if pixels is None else float(np.median(pixels.fit(capture.lights)[1]))
 
 

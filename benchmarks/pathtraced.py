@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.synth.meshes import STATUE
-from photonormal.synth.pathtraced.compare import Compared, compare
+from photonormal.synth.pathtraced.compare import BothRenderings, compare
 from photonormal.synth.pathtraced.meshes import read_mesh
 from photonormal.synth.pathtraced.objects import bowl, sphere, turtle
 from photonormal.synth.sculptor import KINDS
@@ -45,7 +45,7 @@ STOCK = {  # materials of Mitsuba's own, compared with the same parameters of ou
 }  # fmt: skip
 
 
-def row(c: Compared, seconds: float) -> str:
+def row(c: BothRenderings, seconds: float) -> str:
     """One line of the table."""
     return (
         f"| {c.name} | {int(c.mask.sum())} | {c.direct_percent():.2f} "
@@ -54,7 +54,7 @@ def row(c: Compared, seconds: float) -> str:
     )
 
 
-def picture(c: Compared, path: Path) -> None:
+def picture(c: BothRenderings, path: Path) -> None:
     """Rows of lights: ours, Mitsuba's, four times the difference, ours and Mitsuba's light of the bounce alone."""
     import cv2
 

@@ -10,7 +10,7 @@ import torch
 from scipy.ndimage import label
 
 import photonormal as pn
-from photonormal.synth.trace import REACH, View, visible_surface
+from photonormal.synth.trace import REACH, WindowView, visible_surface
 
 
 def ball(p: torch.Tensor, centre: tuple, axes: tuple | float) -> torch.Tensor:
@@ -118,7 +118,7 @@ def scene(name: str, size: int, turn_deg: float = 0, tilt_deg: float = 0) -> tup
 
     It may be turned about the upright axis and tilted before that.
     """
-    view = View(torch.zeros(1, 2), torch.full((1,), 1.1), size)
+    view = WindowView(torch.zeros(1, 2), torch.full((1,), 1.1), size)
     geometry = visible_surface(
         Rendered(lambda p: SCENES[name](turned(p, turn_deg, tilt_deg))), view, torch.full((1, size * size), REACH)
     )

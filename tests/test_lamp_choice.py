@@ -6,7 +6,7 @@ import torch
 
 from photonormal import lamp_choice
 from photonormal.geometry import angle_deg, far_apart, fibonacci_hemisphere
-from photonormal.lamp_choice import Shown, choose, exchanged
+from photonormal.lamp_choice import RigPixels, choose, exchanged
 from photonormal.methods.learned.lmps import LMPSConfig, LMPSNet
 from photonormal.types import InputError
 
@@ -50,7 +50,7 @@ def test_the_chosen_are_better_than_those_it_began_with(few):
     net = network()
     found = choose(RIG, 4, net)
     assert len(set(found.lamps)) == 4 and list(found.lamps) == sorted(found.lamps)
-    shown = Shown.of(RIG, lamp_choice.ASKED)
+    shown = RigPixels.of(RIG, lamp_choice.ASKED)
     with torch.inference_mode():
         assert shown.error_deg(net, list(found.lamps)) < shown.error_deg(net, far_apart(RIG, 4))
     assert len({found.all_deg, found.chance_deg, found.error_deg}) == 3

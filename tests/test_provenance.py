@@ -43,7 +43,7 @@ def test_all_that_a_module_imports_of_photonormal_is_seen():
 
 
 def test_a_program_is_told_by_all_its_code_whatever_the_line_ends(monkeypatch, tmp_path):
-    def told(content: bytes, name: str = "a.py") -> provenance.Program:
+    def told(content: bytes, name: str = "a.py") -> provenance.ProgramVersion:
         (tmp_path / name).write_bytes(content)
         return provenance.program.__wrapped__()
 

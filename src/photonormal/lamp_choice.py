@@ -82,7 +82,7 @@ def choose(lights: Float[np.ndarray, "n 3"], count: int, net: Network | None = N
     if not 3 <= count < n:
         raise InputError(f"--count {count} came but from 3 to {n - 1} of these {n} lamps can be chosen; change it.")
     net = net or LMPS(turns=1).network()
-    shown, checked = (Shown.of(lights, which) for which in (ASKED, CHECKED))
+    shown, checked = (RigPixels.of(lights, which) for which in (ASKED, CHECKED))
     with torch.inference_mode(), progress("choosing", ROUNDS * count) as advance:
         lamps = exchanged(far_apart(lights, count), n, lambda some: shown.error_deg(net, some), advance)
         draws = [np.random.default_rng(k).permutation(n)[:count] for k in range(DRAWS)]
@@ -110,7 +110,7 @@ def exchanged(
 
 
 @dataclass(frozen=True)
-class Shown:
+class RigPixels:
     """Pixels of rendered objects under all lamps of a rig."""
 
     images: Float[Tensor, "1 n 3 1 q"]
@@ -118,7 +118,7 @@ class Shown:
     normals: Float[Tensor, "q 3"]
 
     @staticmethod
-    def of(lights: Float[np.ndarray, "n 3"], batch: int) -> Shown:
+    def of(lights: Float[np.ndarray, "n 3"], batch: int) -> RigPixels:
         """Pixels by chance, of materials that no training has seen."""
         rig = tuple((x, y, z) for x, y, z in lights.tolist())
         windows = WINDOWS["scenes"] * WINDOWS["crops"]
@@ -127,7 +127,7 @@ class Shown:
         inside = seen.mask.flatten().nonzero()[:, 0]
         some = inside[torch.randperm(len(inside), generator=torch.Generator().manual_seed(0))[:PIXELS]]
         images = seen.images.permute(1, 2, 0, 3, 4).flatten(2)[None, :, :, None, some]
-        return Shown(images, seen.lights[:1], seen.normals.permute(0, 2, 3, 1).flatten(0, 2)[some])
+        return RigPixels(images, seen.lights[:1], seen.normals.permute(0, 2, 3, 1).flatten(0, 2)[some])
 
     def error_deg(self, net: Network, lamps: list[int]) -> float:
         """Mean angular error under some of the lamps."""

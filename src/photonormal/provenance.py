@@ -55,7 +55,7 @@ class Inputs(TypedDict):
     beside: list[Word]  # files of the capture's folder that were not read
 
 
-class Program(NamedTuple):
+class ProgramVersion(NamedTuple):
     """Which photonormal this is, whatever its method."""
 
     version: str
@@ -183,12 +183,12 @@ def _digest(path: Path) -> str:
 
 
 @cache
-def program() -> Program:
+def program() -> ProgramVersion:
     """This photonormal, as its files were when this process first asked."""
     digest = hashlib.sha256()
     for path in sorted(p for p in PACKAGE.rglob("*") if p.suffix in PARTS):
         digest.update(path.relative_to(PACKAGE).as_posix().encode() + b"\0" + _content(path) + b"\0")
-    return Program(photonormal.__version__, digest.hexdigest())
+    return ProgramVersion(photonormal.__version__, digest.hexdigest())
 
 
 def source_sha256(*modules: str) -> str:

@@ -18,7 +18,7 @@ from photonormal.batch.state import state_of
 from photonormal.disk import at_once
 from photonormal.job import Job, carry_out, solve_part
 from photonormal.methods.engine import parts
-from photonormal.provenance import Program, program
+from photonormal.provenance import ProgramVersion, program
 from photonormal.types import InputError
 from tests.batch.conftest import WORDS, cut, normals
 from tests.scenes import lambertian, ring, sphere, write_diligent
@@ -101,7 +101,7 @@ class Workers:
     """A cluster whose workers differ."""
 
     def run(self, function, on_error):
-        there = {"a": program(), "b": Program("0.0.1", "1"), "c": Program(pn.__version__, "1")}
+        there = {"a": program(), "b": ProgramVersion("0.0.1", "1"), "c": ProgramVersion(pn.__version__, "1")}
         failed = {"d": ModuleNotFoundError("photonormal"), "e": ConnectionResetError("it has just ended")}
         return there | failed | {"f": AttributeError("program")}
 

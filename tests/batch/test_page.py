@@ -3,16 +3,18 @@
 import pytest
 
 from photonormal.batch.page import page
-from photonormal.batch.row import Row
+from photonormal.batch.row import CaptureRow
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
 
 EVIL = "<img src=x onerror=attacked()>"
 ROWS = [
-    Row("b", "failed", failure=f"{EVIL} is truncated"),
-    Row(EVIL, "done", "", 900, 12, 3.5, None, 0, 1, f"{EVIL} is dark", 1.5, 300.0, "woodham", page=f"{EVIL}/view.html"),
-    Row("a 10", "done", "", 1000, 9, 11.0, 2.0, 1, 2, "lights are turned", 0.5, 310.0, "woodham"),
-    Row("a 9", "done", "", 100, 9, 1.0, 2.0, 0, 0, "", 2.5, 310.0, "woodham"),
-    Row("z", "not begun"),
+    CaptureRow("b", "failed", failure=f"{EVIL} is truncated"),
+    CaptureRow(
+        EVIL, "done", "", 900, 12, 3.5, None, 0, 1, f"{EVIL} is dark", 1.5, 300.0, "woodham", page=f"{EVIL}/view.html"
+    ),
+    CaptureRow("a 10", "done", "", 1000, 9, 11.0, 2.0, 1, 2, "lights are turned", 0.5, 310.0, "woodham"),
+    CaptureRow("a 9", "done", "", 100, 9, 1.0, 2.0, 0, 0, "", 2.5, 310.0, "woodham"),
+    CaptureRow("z", "not begun"),
 ]
 SHOWN = "return [...document.querySelectorAll('tbody tr:not([hidden]) th > a')].map((a) => a.textContent)"
 

@@ -7,13 +7,13 @@ import shutil
 
 import pytest
 
-from photonormal.bench.tables import AVERAGE, MEANS, Cell, Column, Cost, ErrorTable, Row, tables
+from photonormal.bench.tables import AVERAGE, MEANS, Cell, Column, Cost, ErrorTable, MethodRow, tables
 from photonormal.export import load_normals
 from photonormal.scoring import score
 
 
-def row(label: str, **errors: float) -> Row:
-    return Row(
+def row(label: str, **errors: float) -> MethodRow:
+    return MethodRow(
         label, label, {k: Cell(v) for k, v in errors.items()}, len(errors) - 1, Cost(None, 1.0, None, None, "cpu")
     )
 

@@ -3,13 +3,15 @@
 import numpy as np
 import pytest
 
-from photonormal.calibration.choice import Found, apart, corrected
+from photonormal.calibration.choice import FoundCircle, apart, corrected
 from photonormal.calibration.circle import Circle
 
 
-def circle(r: float, confidence: float, shadows: float, edges: bool = True, x: float = 300.0, mirrored=1.0) -> Found:
+def circle(
+    r: float, confidence: float, shadows: float, edges: bool = True, x: float = 300.0, mirrored=1.0
+) -> FoundCircle:
     c = Circle(x, 200.0, r, confidence, 0.2 if edges else 0.0)
-    return Found(c, np.zeros((0, 2)), mirrored, 0.1, shadows=shadows)
+    return FoundCircle(c, np.zeros((0, 2)), mirrored, 0.1, shadows=shadows)
 
 
 def test_of_circles_alike_the_better_one_stays_and_is_as_sure_as_the_other():

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from photonormal.calibration.choice import Found
+from photonormal.calibration.choice import FoundCircle
 from photonormal.calibration.circle import SphereError
 from photonormal.calibration.search import find_spheres
 from photonormal.types import InputError
 from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
 
 
-def found(frames, count=1) -> list[Found]:
+def found(frames, count=1) -> list[FoundCircle]:
     """The spheres of grey pictures (h, w), or of coloured ones."""
     return find_spheres(lambda j: frames[j].reshape(*frames[j].shape[:2], -1), len(frames), "chrome", count)
 

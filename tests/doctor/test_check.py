@@ -10,7 +10,7 @@ import photonormal as pn
 from photonormal.cli import main
 from photonormal.doctor import check
 from photonormal.doctor.coverage import coverage, polar_plot
-from photonormal.doctor.frame import Frame
+from photonormal.doctor.frame import NormalsFrame
 from photonormal.doctor.order import simple_orders
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, normalised, rotation_about_view
 from photonormal.types import Capture, Normals
@@ -234,7 +234,7 @@ def test_the_polar_plot_shows_up_on_top():
 
 
 def test_every_frame_is_a_turn_or_a_mirroring():
-    for frame in (Frame(False, 90), Frame(True, 0), Frame(True, 90), Frame(False, 180)):
+    for frame in (NormalsFrame(False, 90), NormalsFrame(True, 0), NormalsFrame(True, 90), NormalsFrame(False, 180)):
         M = frame.matrix()
         assert np.allclose(M @ M.T, np.eye(3)) and np.linalg.det(M) == pytest.approx(-1 if frame.mirrored else 1)
 

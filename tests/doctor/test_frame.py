@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photonormal.calibration.intensities import robust_normals
-from photonormal.doctor.frame import GIVEN, QUARTERS, Frame, LambertianFit, judged
+from photonormal.doctor.frame import GIVEN, QUARTERS, LambertianFit, NormalsFrame, judged
 from photonormal.geometry import fibonacci_hemisphere, normalised
 
 LIGHTS = fibonacci_hemisphere(24)[:16]
@@ -33,7 +33,7 @@ def towers(seed: int, count: int = 14) -> np.ndarray:
     return z
 
 
-def seen(z: np.ndarray, frame: Frame, cast: bool = False, mask: np.ndarray = RECTANGLE) -> LambertianFit:
+def seen(z: np.ndarray, frame: NormalsFrame, cast: bool = False, mask: np.ndarray = RECTANGLE) -> LambertianFit:
     """The plate, matt, photographed under LIGHTS that are given in another frame, cut by a mask."""
     z_y, z_x = np.gradient(z)
     N = normalised(np.stack([-z_x, z_y, np.ones_like(z)], axis=-1))
@@ -84,8 +84,8 @@ def test_lights_a_little_off_are_no_mirrored_frame_of_parallel_folds(turn_deg, a
     a = np.radians(along_deg)
     across, along = x * np.cos(a) - y * np.sin(a), x * np.sin(a) + y * np.cos(a)
     folds = np.sin(4 * (across + 0.03 * np.sin(along + 1))) * (1 + 0.1 * np.sin(0.7 * along))
-    assert judged(seen(folds, Frame(False, turn_deg))).frame == GIVEN
-    assert judged(seen(folds, Frame(False, 90))).frame != GIVEN
+    assert judged(seen(folds, NormalsFrame(False, turn_deg))).frame == GIVEN
+    assert judged(seen(folds, NormalsFrame(False, 90))).frame != GIVEN
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -17,7 +17,7 @@ from photonormal.disk import at_once
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.masked import box_of
 from photonormal.relighting import FORMATS, bases, deepzoom, files, web
-from photonormal.relighting.fit import RIDGE, Fit
+from photonormal.relighting.fit import RIDGE, RelightingFit
 from photonormal.srgb import from_linear
 from photonormal.types import Capture
 from tests.scenes import sphere, write_diligent
@@ -142,7 +142,7 @@ def reference(B, samples, ridge=RIDGE):
 def test_the_fit_is_scipys(kind):
     capture = glossy(dome(40))
     basis = FORMATS[kind].basis
-    fit = Fit(capture, basis)
+    fit = RelightingFit(capture, basis)
     white = fit.white()
     samples = from_linear((capture.images[:, capture.mask] / white).clip(0, 1))  # (n, p, 3)
     wanted = reference(basis(capture.known_lights()), samples.reshape(len(samples), -1))
@@ -154,7 +154,7 @@ def test_lights_that_differ_from_pixel_to_pixel_are_each_fitted_with_their_own()
     p = int(capture.mask.sum())
     bent = capture.known_lights() + np.linspace(0, 0.4, p)[:, None, None] * [1, 0, 0]
     capture = replace(capture, lights_at=(bent / np.linalg.norm(bent, axis=-1, keepdims=True)).astype(np.float32))
-    fit = Fit(capture, bases.ptm)
+    fit = RelightingFit(capture, bases.ptm)
     samples = from_linear((capture.images[:, capture.mask] / fit.white()).clip(0, 1))  # (n, p, 3)
     found = coefficients(fit)
     for pixel in (0, p // 2, p - 1):
@@ -181,7 +181,7 @@ def test_lights_that_were_left_out_are_shown_as_the_fit_shows_them(kind, how, la
     out = np.arange(len(lights)) % 5 == 2
     capture, basis = glossy(lights[~out]), FORMATS[kind].basis
     path = written(capture, kind, tmp_path, **how)
-    fit, box, mask = Fit(capture, basis, 1e-9), box_of(capture.mask), capture.mask  # least squares alone
+    fit, box, mask = RelightingFit(capture, basis, 1e-9), box_of(capture.mask), capture.mask  # least squares alone
     white = fit.white()
     C = coefficients(fit)
     errors = []

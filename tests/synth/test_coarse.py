@@ -8,7 +8,7 @@ import torch
 
 from photonormal.shading import LUMA
 from photonormal.synth import Stream
-from photonormal.synth.coarse import CURVE, TABLE, Coarse, cosines, jpeg, stored
+from photonormal.synth.coarse import CURVE, TABLE, Coarsening, cosines, jpeg, stored
 from photonormal.synth.recipes import recipe
 from photonormal.synth.sensor import expose, photograph
 
@@ -41,11 +41,11 @@ def test_what_is_added_before_rounding_is_a_bias_of_as_many_steps(black, bias):
 
 def test_a_good_cameras_pictures_stay_as_they_are():
     I = smooth()
-    assert stored(I, Coarse.none(2, 3), np.random.default_rng(0)) is I
+    assert stored(I, Coarsening.none(2, 3), np.random.default_rng(0)) is I
 
 
 def test_each_fault_is_within_its_range():
-    drawn = Coarse.drawn(TRAIN, np.random.default_rng(0), 4000, 6)
+    drawn = Coarsening.drawn(TRAIN, np.random.default_rng(0), 4000, 6)
     assert (drawn.levels.min(), drawn.levels.max()) == (20, 255)
     assert np.median(drawn.levels) == pytest.approx((20 * 255) ** 0.5, rel=0.05)  # as many octaves above as below
     assert abs(drawn.black).max() == 0.5 and (drawn.black == -0.5).mean() == pytest.approx(0.5, abs=0.03)
@@ -55,7 +55,9 @@ def test_each_fault_is_within_its_range():
 
 
 def test_faults_come_in_their_shares_each_by_itself():
-    drawn = Coarse.drawn(replace(TRAIN, dark=0.25, jpeg=0.1, gamma=0.0, clipped=0.5), np.random.default_rng(0), 8000, 2)
+    drawn = Coarsening.drawn(
+        replace(TRAIN, dark=0.25, jpeg=0.1, gamma=0.0, clipped=0.5), np.random.default_rng(0), 8000, 2
+    )
     dark, jpegs, clipped = drawn.levels > 0, drawn.quality > 0, drawn.clipped > 0
     assert [dark.mean(), jpegs.mean(), clipped.mean()] == pytest.approx([0.25, 0.1, 0.5], abs=0.02)
     assert (dark & clipped).mean() == pytest.approx(0.125, abs=0.02)
@@ -65,12 +67,12 @@ def test_faults_come_in_their_shares_each_by_itself():
 def test_a_recipe_without_faults_draws_nothing():
     """So that scenes of the other recipes stay what they were."""
     g = np.random.default_rng(0)
-    assert (Coarse.drawn(recipe("train"), g, 3, 4).gain == 1).all()
+    assert (Coarsening.drawn(recipe("train"), g, 3, 4).gain == 1).all()
     assert g.random() == np.random.default_rng(0).random()
 
 
 def test_a_clipped_scene_exceeds_the_range_by_its_share():
-    coarse = Coarse.drawn(TRAIN, np.random.default_rng(1), 3, 4)
+    coarse = Coarsening.drawn(TRAIN, np.random.default_rng(1), 3, 4)
     out, _ = expose(torch.rand(3, 8, 3, 32, 32, generator=G), 1, torch.from_numpy(coarse.clipped))
     assert (out[:, :, 1] >= 1).float().mean((1, 2, 3)).numpy() == pytest.approx(coarse.clipped, abs=0.005)
 
@@ -102,14 +104,14 @@ def test_better_jpeg_is_nearer_and_its_blocks_begin_where_they_are_told():
 
 def test_a_tone_curve_that_is_off_is_a_power():
     I = smooth()
-    coarse = replace(Coarse.none(2, 3), gamma=np.array([1.0, 1.1]))
+    coarse = replace(Coarsening.none(2, 3), gamma=np.array([1.0, 1.1]))
     out = stored(I, coarse, np.random.default_rng(0))
     assert torch.equal(out[0], I[0])
     assert torch.allclose(out[1], I[1] ** 1.1)
 
 
 def test_windows_of_a_scene_share_its_camera():
-    drawn = Coarse.drawn(TRAIN, np.random.default_rng(0), 2, 3).windows(4)
+    drawn = Coarsening.drawn(TRAIN, np.random.default_rng(0), 2, 3).windows(4)
     assert len(drawn.levels) == 8 and drawn.gain.shape == (8, 3)
     assert len(set(drawn.levels[:4])) == 1 and drawn.levels[0] != drawn.levels[4]
 

@@ -7,7 +7,7 @@ import trimesh
 
 from photonormal.synth import Stream
 from photonormal.synth.meshes import STATUE, MeshViews, load_mesh, load_meshes
-from photonormal.synth.trace import NOWHERE, View, visible_surface
+from photonormal.synth.trace import NOWHERE, WindowView, visible_surface
 from photonormal.types import InputError
 
 
@@ -21,7 +21,7 @@ def folder(tmp_path_factory):
 
 def test_a_fine_sphere_has_a_spheres_normals(folder):
     views = MeshViews((load_mesh(folder / "ball.obj"),), torch.zeros(1, dtype=torch.long), torch.eye(3)[None])
-    view = View(torch.zeros(1, 2), torch.tensor([1.1]), 96)
+    view = WindowView(torch.zeros(1, 2), torch.tensor([1.1]), 96)
     g = visible_surface(views, view, torch.zeros(1, 1))
     x, y = (v.view(96, 96) for v in view.rays(96))
     n = torch.stack([x, y, (1 - x**2 - y**2).clamp(min=0).sqrt()])
@@ -37,7 +37,7 @@ def test_a_fine_sphere_has_a_spheres_normals(folder):
 def test_a_turned_mesh_is_seen_turned(folder):
     mesh = load_mesh(folder / "ring.obj")
     up = torch.tensor([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # about x by a quarter: the ring is seen from its edge
-    view = View(torch.zeros(2, 2), torch.full((2,), 1.1), 64)
+    view = WindowView(torch.zeros(2, 2), torch.full((2,), 1.1), 64)
     g = visible_surface(MeshViews((mesh,), torch.zeros(2, dtype=torch.long), torch.stack([torch.eye(3), up])), view,
                         torch.zeros(2, 1))  # fmt: skip
     assert not g.mask[0, 32, 32] and g.mask[1, 32, 32]  # the hole

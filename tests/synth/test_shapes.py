@@ -5,12 +5,12 @@ import torch
 
 from photonormal.synth.params import rng, take
 from photonormal.synth.sculptor import KINDS, draw_solids
-from photonormal.synth.trace import NOWHERE, View, approach, gradient, survey, visible_surface
+from photonormal.synth.trace import NOWHERE, WindowView, approach, gradient, survey, visible_surface
 
 
 def seen(solids, b, size=64, half=1.1):
     device = torch.device("cpu")
-    view = View(torch.zeros(b, 2), torch.full((b,), half), size)
+    view = WindowView(torch.zeros(b, 2), torch.full((b,), half), size)
     return view, visible_surface(solids, view, approach(solids, view, survey(solids, b, device)[1]))
 
 

@@ -6,7 +6,7 @@ from itertools import islice
 import pytest
 import torch
 
-from photonormal.synth import Batch, Stream
+from photonormal.synth import RenderedBatch, Stream
 from photonormal.synth.stream import lights_of
 from photonormal.types import InputError
 
@@ -18,12 +18,12 @@ def no_measured_materials(monkeypatch):
     monkeypatch.delenv("PHOTONORMAL_DATA", raising=False)
 
 
-def batches(n: int, **changes) -> list[Batch]:
+def batches(n: int, **changes) -> list[RenderedBatch]:
     return list(islice(Stream("train", 4, **{**SMALL, **changes}), n))
 
 
-def same(a: Batch, b: Batch) -> bool:
-    return all(torch.equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(Batch))
+def same(a: RenderedBatch, b: RenderedBatch) -> bool:
+    return all(torch.equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(RenderedBatch))
 
 
 def test_what_a_batch_holds():

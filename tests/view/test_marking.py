@@ -11,7 +11,7 @@ from photonormal.capture import load
 from photonormal.geometry import angle_deg
 from photonormal.measurement import measure
 from photonormal.types import InputError
-from photonormal.view.marking import SIDE, Marking, Marks, Outline
+from photonormal.view.marking import SIDE, MarkedOutline, Marking, Marks
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
 from tests.calibration.chrome import dome, highlight_at, write_pictures
 from tests.scenes import lambertian, ring, sphere, write_diligent
@@ -63,9 +63,9 @@ def test_the_mask_is_suggested_and_found_again(folder):
 
 def test_a_sphere_gives_lights_that_measure_finds(folder):
     marking = Marking(folder)
-    seen = marking.sphere(Outline(*BALL))
+    seen = marking.sphere(MarkedOutline(*BALL))
     assert angle_deg(np.array(seen["lights"]), L).max() < 1.5 and len(seen["highlights"]) == len(L)
-    marks = Marks(mask=packed(disc(marking.shown, *DISC)), left_out=[3], sphere=Outline(*BALL))
+    marks = Marks(mask=packed(disc(marking.shown, *DISC)), left_out=[3], sphere=MarkedOutline(*BALL))
     assert marking.save(marks)["saved"] == ["mask.png", "lights.lp"]
     capture = load(folder)
     assert angle_deg(capture.lights, np.delete(L, 3, axis=0)).max() < 1 and "04.png" not in capture.image_names
@@ -79,16 +79,16 @@ def test_large_photographs_are_reduced_and_marks_are_not(tmp_path):
     marking = Marking(tmp_path / "large")
     assert marking.step == 2 and max(marking.shown) <= SIDE
     x, y, r = 4 * (BALL[0] + 0.5) - 0.5, 4 * (BALL[1] + 0.5) - 0.5, 4 * BALL[2]
-    seen = marking.sphere(Outline(x, y, r))
+    seen = marking.sphere(MarkedOutline(x, y, r))
     assert angle_deg(np.array(seen["lights"]), L[:5]).max() < 1.5
-    marking.save(Marks(mask=packed(disc(marking.shown, 300, 300, 200)), sphere=Outline(x, y, r)))
+    marking.save(Marks(mask=packed(disc(marking.shown, 300, 300, 200)), sphere=MarkedOutline(x, y, r)))
     capture = load(tmp_path / "large")
     assert (capture.mask ^ disc(capture.mask.shape, 600.5, 600.5, 400)).sum() < 2000
     assert angle_deg(capture.lights, L[:5]).max() < 1
 
 
 def test_a_crop_is_what_is_measured(folder):
-    marks = Marks(crop=(100, 50, 300, 250), sphere=Outline(*BALL))
+    marks = Marks(crop=(100, 50, 300, 250), sphere=MarkedOutline(*BALL))
     assert Marking(folder).save(marks)["saved"] == ["crop.txt", "lights.lp"]
     capture = load(folder)
     assert capture.mask.shape == (200, 200) and capture.mask.all()
@@ -103,7 +103,7 @@ def test_a_crop_is_what_is_measured(folder):
 def test_nothing_is_replaced_unasked(folder):
     write_pictures(folder, [], mask=np.ones((380, 480), bool))
     (folder / "lights.lp").write_text("mine")
-    marking, marks = Marking(folder), Marks(mask=packed(disc((380, 480), *DISC)), sphere=Outline(*BALL))
+    marking, marks = Marking(folder), Marks(mask=packed(disc((380, 480), *DISC)), sphere=MarkedOutline(*BALL))
     before = (folder / "mask.png").read_bytes()
     assert marking.save(marks) == {"exist": ["mask.png", "lights.lp"]}
     assert (folder / "mask.png").read_bytes() == before and (folder / "lights.lp").read_text() == "mine"
@@ -121,8 +121,8 @@ def test_nothing_is_replaced_unasked(folder):
         (Marks(mask=packed(disc((380, 480), *DISC)), crop=(0, 0, 20, 20)), "shows nothing"),
         (Marks(crop=(20, 0, 10, 20)), "outside"),
         (Marks(left_out=[0]), "the light of 02.png is not known"),
-        (Marks(sphere=Outline(170, 170, 60)), "highlight"),
-        (Marks(sphere=Outline(9000, 170, 60)), "outside"),
+        (Marks(sphere=MarkedOutline(170, 170, 60)), "highlight"),
+        (Marks(sphere=MarkedOutline(9000, 170, 60)), "outside"),
     ],
 )
 def test_what_makes_no_sense_is_told_and_nothing_is_written(folder, marks, says):

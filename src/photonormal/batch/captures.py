@@ -33,14 +33,14 @@ class Named:
     job: Job
 
 
-class Found(NamedTuple):
+class FoundCaptures(NamedTuple):
     """What is to be measured, in the order of the names, and files among it that are no captures."""
 
     captures: list[Named]
     left_out: list[Path]
 
 
-def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]) -> Found:
+def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]) -> FoundCaptures:
     """The captures that patterns, folders, `.lp` files and lists name.
 
     Parameters
@@ -74,7 +74,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
     for name in named:
         if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
             raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
-    return Found([named[name] for name in sorted(named, key=natural)], left_out)
+    return FoundCaptures([named[name] for name in sorted(named, key=natural)], left_out)
 
 
 def _found(

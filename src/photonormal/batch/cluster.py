@@ -23,7 +23,7 @@ from photonormal.batch.work import At, Begun, Measured, Outcome, use_threads, wo
 from photonormal.disk import in_use
 from photonormal.files import memory
 from photonormal.job import SolvedRows, divided, solve_part
-from photonormal.provenance import Program, program
+from photonormal.provenance import ProgramVersion, program
 from photonormal.resources import cores
 from photonormal.types import InputError
 
@@ -122,7 +122,7 @@ def _refuse_others(client: Any) -> None:
         )
 
 
-def _other(there: Program | Exception) -> str:
+def _other(there: ProgramVersion | Exception) -> str:
     """Which photonormal a worker has that has not the one that is here."""
     if isinstance(there, ModuleNotFoundError):
         return "has none"
@@ -213,7 +213,7 @@ def _absolute(named: Named) -> Named:
 
 def _measure(
     named: Named,
-    needed: Program,
+    needed: ProgramVersion,
     nbytes: int,
     split: Split | None,
     parts: Sequence[SolvedRows | Exception] = (),
@@ -235,7 +235,7 @@ def _measure(
         return Outcome(named.name, 0.0, str(error), "killed")
 
 
-def _solve(named: Named, needed: Program, nbytes: int, rows: slice) -> SolvedRows | Exception:
+def _solve(named: Named, needed: ProgramVersion, nbytes: int, rows: slice) -> SolvedRows | Exception:
     """What a worker does with some rows of a capture."""
     try:
         with _at_work(named, needed, nbytes, tells=rows.start == 0):
@@ -251,7 +251,7 @@ class OtherProgram(Exception):
 @contextmanager
 def _at_work(
     named: Named,
-    needed: Program,
+    needed: ProgramVersion,
     nbytes: int,
     begins: bool = False,
     tells: bool = True,

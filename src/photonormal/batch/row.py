@@ -8,7 +8,7 @@ PAGE = "view.html"  # in the folder of a result
 
 
 @dataclass(frozen=True)
-class Row:
+class CaptureRow:
     """One capture."""
 
     capture: str  # its name, and the folder of its result

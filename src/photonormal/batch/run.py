@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from photonormal.batch.captures import Found, Named
-from photonormal.batch.state import State, state_of
+from photonormal.batch.captures import FoundCaptures, Named
+from photonormal.batch.state import CaptureState, state_of
 from photonormal.batch.summary import Summary
 from photonormal.batch.work import Begun, Measured, Outcome
 from photonormal.disk import in_use
@@ -22,7 +22,7 @@ Event = Callable[..., None]  # what happened, to which capture, and more
 
 
 def run(
-    found: Found,
+    found: FoundCaptures,
     out: Path,
     tell: Event,
     measured: Measured,
@@ -113,7 +113,7 @@ def _outcomes(waiting: list[Named], measured: Measured, bars: Several, begun: Be
                 time.sleep(LOOK_S)
 
 
-def _wanted(state: State, retry: bool) -> bool:
+def _wanted(state: CaptureState, retry: bool) -> bool:
     return state.kind not in ("done", "failed") or (state.kind == "failed" and retry)
 
 

@@ -45,7 +45,7 @@ class Known(TypedDict):
 
 
 @dataclass(frozen=True)
-class State:
+class CaptureState:
     """How far a capture is.
 
     Parameters
@@ -58,38 +58,40 @@ class State:
     why: str = ""
 
 
-def state_of(job: Job) -> State:
+def state_of(job: Job) -> CaptureState:
     """How far a capture is, by the report in the folder of its result and the files that it was made from."""
     if not job.out.is_dir():
-        return State("begin")
+        return CaptureState("begin")
     recover(job.out)
     report, files = read_report(job.out), listed(job.out)
     if report is None or files is None:
-        return State("begin")
+        return CaptureState("begin")
     failure, made = report.get("failed"), report.get("provenance")
     if failure is not None:
         told = failure["provenance"]
         if failure["kind"] == "killed" or told is None or _difference(job, told) is not None:
-            return State("begin")
-        return State("failed", failure["message"])
+            return CaptureState("begin")
+        return CaptureState("failed", failure["message"])
     if made is None:
-        return State("stale", "an earlier version made it")
+        return CaptureState("stale", "an earlier version made it")
     if len(files) < 1 + len(report["files"]):
-        return State("stale", "files of it are gone or have changed")
-    return _difference(job, made) or State("done")
+        return CaptureState("stale", "files of it are gone or have changed")
+    return _difference(job, made) or CaptureState("done")
 
 
-def _difference(job: Job, before: Provenance) -> State | None:
+def _difference(job: Job, before: Provenance) -> CaptureState | None:
     """What would be different now; None: nothing."""
     found = change(before["made"], job.made())
     if found is not None:
-        return State("options" if found[0] in ("method", "options") else "stale", found[1])
+        return CaptureState("options" if found[0] in ("method", "options") else "stale", found[1])
     was, now = before["asked"], job.asked()
     for key in sorted(was.keys() | now.keys()):
         if was.get(key) != now.get(key):
-            return State("options", f"{key.replace('_', '-')} {was.get(key, 'not given')}, not {now.get(key, 'none')}")
+            return CaptureState(
+                "options", f"{key.replace('_', '-')} {was.get(key, 'not given')}, not {now.get(key, 'none')}"
+            )
     what = changed(place_of(job.capture), before["inputs"])
-    return State("stale", what) if what else None
+    return CaptureState("stale", what) if what else None
 
 
 def read_report(folder: Path) -> Known | None:

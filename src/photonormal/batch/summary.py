@@ -11,7 +11,7 @@ from typing import Any, NotRequired, TypedDict
 
 from photonormal.batch.captures import natural
 from photonormal.batch.page import page
-from photonormal.batch.row import PAGE, Row
+from photonormal.batch.row import PAGE, CaptureRow
 from photonormal.batch.state import Failure
 from photonormal.export.folder import MARKER, REPORT, report, whole_folder
 from photonormal.stored import read_json
@@ -20,20 +20,20 @@ from photonormal.types import InputError
 PATIENCE_S = 60.0  # for another batch that is just writing its summary
 
 
-class Pixels(TypedDict):
+class PixelCounts(TypedDict):
     """How many there are."""
 
     mask: int
     measured: int
 
 
-class Score(TypedDict):
+class StoredScore(TypedDict):
     """How far the normals are off where the truth is known."""
 
     mean_deg: float
 
 
-class Found(TypedDict):
+class StoredFinding(TypedDict):
     """What the doctor says."""
 
     kind: str
@@ -50,11 +50,11 @@ class Reported(TypedDict):
     files: NotRequired[dict[str, int]]
     method: NotRequired[str]
     photonormal: NotRequired[str]
-    pixels: NotRequired[Pixels]
+    pixels: NotRequired[PixelCounts]
     lights: NotRequired[int]
     expected_error_deg: NotRequired[float]
-    score: NotRequired[Score]
-    findings: NotRequired[list[Found]]
+    score: NotRequired[StoredScore]
+    findings: NotRequired[list[StoredFinding]]
     warnings: NotRequired[list[str]]
     seconds: NotRequired[dict[str, float]]
     peak_memory_mb: NotRequired[float | None]
@@ -80,7 +80,7 @@ class Summary:
         """Look again what is told of a capture."""
         self._rows[name] = row(name, self.out / name)
 
-    def rows(self) -> list[Row]:
+    def rows(self) -> list[CaptureRow]:
         """What failed comes first, then in the order of names."""
         return sorted(self._rows.values(), key=lambda row: (row.state != "failed", natural(row.capture)))
 
@@ -96,18 +96,18 @@ class Summary:
             report(batch, {"captures": {state: states.count(state) for state in dict.fromkeys(states)}})
 
 
-def row(name: str, folder: Path) -> Row:
+def row(name: str, folder: Path) -> CaptureRow:
     """What is told of a capture in the folder of its result."""
     try:
         told = read_json(folder / REPORT, Reported, "measure again")
     except InputError:
-        return Row(name, "not begun")
+        return CaptureRow(name, "not begun")
     if told["written_by"] != MARKER["written_by"]:
-        return Row(name, "not begun")
+        return CaptureRow(name, "not begun")
     failed = told.get("failed")
     made = "pixels" in told
     found = told.get("findings", [])
-    return Row(
+    return CaptureRow(
         name,
         "failed" if failed else "done" if made else "not begun",
         failed["message"] if failed else "",
@@ -127,7 +127,7 @@ def row(name: str, folder: Path) -> Row:
     )
 
 
-def as_parquet(table: Sequence[Row]) -> bytes | None:
+def as_parquet(table: Sequence[CaptureRow]) -> bytes | None:
     """The same, each column with its kind; None where pyarrow is not installed."""
     try:
         import pyarrow
@@ -135,7 +135,7 @@ def as_parquet(table: Sequence[Row]) -> bytes | None:
     except ImportError:
         return None
     kinds = {"str": pyarrow.string(), "int | None": pyarrow.int64(), "float | None": pyarrow.float64()}
-    schema = pyarrow.schema([(f.name, kinds[str(f.type)]) for f in fields(Row)])
+    schema = pyarrow.schema([(f.name, kinds[str(f.type)]) for f in fields(CaptureRow)])
     to = pyarrow.BufferOutputStream()
     rows = [{k: _text(v) for k, v in asdict(row).items()} for row in table]
     parquet.write_table(pyarrow.Table.from_pylist(rows, schema), to)
@@ -147,10 +147,10 @@ def _text(value: Any) -> Any:
     return value.encode("utf-8", "backslashreplace").decode() if isinstance(value, str) else value
 
 
-def as_csv(table: Sequence[Row]) -> bytes:
+def as_csv(table: Sequence[CaptureRow]) -> bytes:
     """UTF-8 with a header, as spreadsheets read it."""
     text = io.StringIO()
-    to = csv.DictWriter(text, [f.name for f in fields(Row)], lineterminator="\r\n")
+    to = csv.DictWriter(text, [f.name for f in fields(CaptureRow)], lineterminator="\r\n")
     to.writeheader()
     to.writerows(_safe(asdict(row)) for row in table)
     return b"\xef\xbb\xbf" + text.getvalue().encode("utf-8", "backslashreplace")

@@ -7,13 +7,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from photonormal.bench.published import Published
-from photonormal.bench.tables import AVERAGE, MEAN, Cell, Column, ErrorTable, Row
+from photonormal.bench.tables import AVERAGE, MEAN, Cell, Column, ErrorTable, MethodRow
 
 NAMES = {"mean_deg": "mean, deg", "below_15": "< 15 deg, %", "below_30": "< 30 deg, %"}
 
 
 @dataclass(frozen=True)
-class Marks:
+class Markup:
     """How a language writes what a table needs."""
 
     bold: Callable[[str], str]
@@ -41,7 +41,7 @@ def as_json(tables: Sequence[ErrorTable]) -> str:
     return json.dumps([_plain(t) for t in tables], indent=1, ensure_ascii=False) + "\n"
 
 
-def _written(table: ErrorTable, m: Marks) -> str:
+def _written(table: ErrorTable, m: Markup) -> str:
     parts = [m.title(table.title)]
     if table.columns:
         spread = " ± standard deviation over the draws" if table.protocol == "draws" else ""
@@ -88,7 +88,7 @@ def published_rows(table: ErrorTable) -> tuple[list[str], list[list[str]]]:
     return [*head, *(["average as printed"] if AVERAGE in columns else [])], rows
 
 
-def shortfall(row: Row, table: ErrorTable, column: Column) -> str:
+def shortfall(row: MethodRow, table: ErrorTable, column: Column) -> str:
     """What stands behind a row's average that is over fewer objects or draws than others: " (of 3, 20 draws)"."""
     if column not in (AVERAGE, MEAN):
         return ""
@@ -96,7 +96,7 @@ def shortfall(row: Row, table: ErrorTable, column: Column) -> str:
     return f" ({', '.join(parts)})" if parts else ""
 
 
-def costs(row: Row) -> list[str]:
+def costs(row: MethodRow) -> list[str]:
     """Seconds, memory and machine of a row, as text."""
     c = row.cost
     numbers = [c.read_s, c.solve_s, c.peak_memory_mb, c.gpu_memory_mb]
@@ -120,7 +120,7 @@ def notes(table: ErrorTable) -> list[str]:
     return [*dict.fromkeys(found), f"Measured with photonormal {', '.join(table.versions)}."]
 
 
-def _cells(row: Row, table: ErrorTable, m: Marks) -> list[str]:
+def _cells(row: MethodRow, table: ErrorTable, m: Markup) -> list[str]:
     found = [m.text(row.label)]
     for column in table.columns:
         cell = row.cells.get(column.name)
@@ -190,7 +190,7 @@ def _latex_text(text: str) -> str:
     return text.replace("±", r"$\pm$").replace("†", r"$\dagger$")
 
 
-MARKDOWN = Marks(
+MARKDOWN = Markup(
     bold="**{}**".format,
     underlined="<u>{}</u>".format,
     small="<sub>{}</sub>".format,
@@ -200,7 +200,7 @@ MARKDOWN = Marks(
     title="## {}\n".format,
     paragraph="{}\n".format,
 )
-LATEX = Marks(
+LATEX = Markup(
     bold=r"\textbf{{{}}}".format,
     underlined=r"\underline{{{}}}".format,
     small=r"{{\scriptsize {}}}".format,

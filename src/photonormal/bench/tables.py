@@ -73,7 +73,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Row:
+class MethodRow:
     """One method.
 
     Parameters
@@ -100,7 +100,7 @@ class ErrorTable:
     images: int
     versions: tuple[str, ...]
     columns: tuple[Column, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[MethodRow, ...]
     only_published: tuple[Published, ...] = field(default=())
 
     @property
@@ -216,7 +216,9 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
     )
 
 
-def _row(label: str, method: str, mine: list[Scored], columns: Sequence[Column], sources: tuple[Published, ...]) -> Row:
+def _row(
+    label: str, method: str, mine: list[Scored], columns: Sequence[Column], sources: tuple[Published, ...]
+) -> MethodRow:
     errors: dict[str, dict[str, float]] = {}  # column -> selection -> mean error
     for s in mine:
         if s.score is not None:
@@ -243,7 +245,7 @@ def _row(label: str, method: str, mine: list[Scored], columns: Sequence[Column],
         cells[column] = Cell(statistics.fmean(values), spread, p and p.value(column, objects))
     used = tuple(p for p in sources if p in theirs.values())
     draws = {s.prediction.record["selection"] for s in mine if s.prediction.protocol != "sound"}
-    return Row(label, method, cells, len(objects), _cost(mine), used, len(draws))
+    return MethodRow(label, method, cells, len(objects), _cost(mine), used, len(draws))
 
 
 def _cost(mine: list[Scored]) -> Cost:

@@ -31,7 +31,7 @@ TOLD_DEG = 5.0  # mean angle between the lights of two circles that is worth tel
 
 
 @dataclass(frozen=True)
-class Found:
+class FoundCircle:
     """A circle, how it mirrors, and how it compares.
 
     Parameters
@@ -60,7 +60,7 @@ class Found:
     astray: tuple[int, ...] = ()
     told: tuple[int, ...] = ()
 
-    def moved(self, x0: float, y0: float, scale: float) -> Found:
+    def moved(self, x0: float, y0: float, scale: float) -> FoundCircle:
         """The same in pixels of the photograph: this place begins at (x0, y0) and was seen `scale` times as large."""
         c = self.circle
         x, y = (c.x + 0.5) / scale - 0.5 + x0, (c.y + 0.5) / scale - 0.5 + y0
@@ -88,9 +88,9 @@ class Found:
         return float(self.mirrors * self.circle.confidence * np.sqrt(self.circle.r))
 
 
-def apart(found: list[Found]) -> list[Found]:
+def apart(found: list[FoundCircle]) -> list[FoundCircle]:
     """Of circles alike the one that explains the shadows best, as sure as the surest of them; the surest first."""
-    kept: list[Found] = []
+    kept: list[FoundCircle] = []
     for f in sorted(found, key=lambda f: (-f.shadows if f.shades else 0.0, -f.circle.confidence)):
         a = f.circle
         for k, b in enumerate(g.circle for g in kept):
@@ -107,7 +107,7 @@ def overlap(a: Circle, b: Circle) -> bool:
     return np.hypot(a.x - b.x, a.y - b.y) < 0.9 * max(a.r, b.r)
 
 
-def best_of(around: list[Found], survey: Survey, where: str) -> Found:
+def best_of(around: list[FoundCircle], survey: Survey, where: str) -> FoundCircle:
     """Of circles around one constellation the surest that explains the shadows; where none does, the shading."""
     most = max(f.shadows for f in around)
     if most < TELLS:
@@ -120,7 +120,7 @@ def best_of(around: list[Found], survey: Survey, where: str) -> Found:
     return replace(chosen, supported=True, unexplained=left if np.isfinite(left) else ODD[0])
 
 
-def corrected(cast: Found, around: list[Found]) -> Found:
+def corrected(cast: FoundCircle, around: list[FoundCircle]) -> FoundCircle:
     """A circle that only shadows tell, and the surest one of edges close by: their mean, weighted by confidence."""
     a = cast.circle
     least = 1 - CORRECTS[0] * (1 - cast.shadows) - CORRECTS[1]
@@ -137,7 +137,7 @@ def corrected(cast: Found, around: list[Found]) -> Found:
     return replace(cast, circle=replace(b, x=x, y=y, r=r, confidence=max(a.confidence, b.confidence)))
 
 
-def _best_shaded(around: list[Found], survey: Survey, where: str) -> Found:
+def _best_shaded(around: list[FoundCircle], survey: Survey, where: str) -> FoundCircle:
     """The surest circle whose lights explain the frame's shading as well as any.
 
     Where circles explain it as well but mean other lights, the outermost.

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from photonormal.calibration.circle import Circle
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.reflections import RIM
-from photonormal.calibration.shadow import FEW, VIEW, Compared, Surroundings
+from photonormal.calibration.shadow import FEW, VIEW, ShadowMatch, Surroundings
 from photonormal.geometry import normalised
 
 LARGEST_PX = 15  # radius of a sphere below which its shadows alone may tell its lamps
@@ -40,7 +40,7 @@ def near(around: Surroundings, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> 
 
 
 def _searched(
-    compared: Compared, circle: Circle, xy: Float[np.ndarray, "n 2"], T: Float[np.ndarray, " 3"]
+    compared: ShadowMatch, circle: Circle, xy: Float[np.ndarray, "n 2"], T: Float[np.ndarray, " 3"]
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
     """Places close to `xy` that explain each picture's shadow best, and how well."""
     found, best, step = _middles(circle, xy, T), np.nan_to_num(compared.of_each(xy)), FIRST

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from photonormal.calibration import faint
-from photonormal.calibration.choice import AS_WELL, CONFIDENCE, MIRRORS, Found, apart, best_of, overlap
+from photonormal.calibration.choice import AS_WELL, CONFIDENCE, MIRRORS, FoundCircle, apart, best_of, overlap
 from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
 from photonormal.calibration.outline import outlines, refined, resized
@@ -41,7 +41,9 @@ UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer
 FULLY = 0.65  # confidence of such a circle at most
 
 
-def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Sequence[Photograph] = ()) -> list[Found]:
+def find_spheres(
+    read: Photograph, n: int, where: str, count: int = 1, extra: Sequence[Photograph] = ()
+) -> list[FoundCircle]:
     """The mirror spheres that `n` photographs of one size show, the best first.
 
     Parameters
@@ -83,7 +85,7 @@ def find_spheres(read: Photograph, n: int, where: str, count: int = 1, extra: Se
     ]
 
 
-def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photograph]) -> list[Found]:
+def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photograph]) -> list[FoundCircle]:
     """Circles of all places, those alike once."""
     h, w = survey.shape
     places = survey.constellations()
@@ -117,7 +119,7 @@ def _box(place: tuple[float, float, float], shape: tuple[int, int]) -> tuple[sli
 
 def _in_place(
     roots: list[np.ndarray], dark: np.ndarray, x0: int, y0: int, scale: float, seeds: Sequence[Circle] = ()
-) -> list[Found]:
+) -> list[FoundCircle]:
     """The circles of one place, in pixels of the photographs; pictures that begin at (x0, y0).
 
     The `seeds` are circles, in those of the place, that shadows are looked for from where no edges lead to them.
@@ -126,17 +128,17 @@ def _in_place(
     around = Surroundings.of(roots[: len(dark)], pixel)
     light, none = around.still**LINEAR, np.full((len(dark), 2), np.nan)
 
-    def seen(c: Circle) -> Found:
+    def seen(c: Circle) -> FoundCircle:
         xy, others, mirrored, width = _mirrored(c, dark)
-        found = Found(c, xy, mirrored, width, shadows=around.explained(c, xy))
+        found = FoundCircle(c, xy, mirrored, width, shadows=around.explained(c, xy))
         if found.shadows > BEGIN and np.isfinite(others).any():
             xy, _ = around.chosen(c, xy, others)
             xy, clear = around.chosen(c, xy, others)  # on the table that these tell
             found = replace(found, xy=xy, told=tuple(np.flatnonzero(clear)), shadows=around.explained(c, xy))
         return replace(found, astray=_astray(around.of_each(c, xy))) if found.shades else found
 
-    def of_edges(c: Circle) -> Found:
-        return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else Found(c, none, 0.0, 1.0)
+    def of_edges(c: Circle) -> FoundCircle:
+        return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else FoundCircle(c, none, 0.0, 1.0)
 
     found = [of_edges(c) for c in outlines([around.still], OUTLINES, pixel)]
     begin = found
@@ -157,7 +159,7 @@ def _in_place(
     return [f.moved(x0, y0, scale) for f in found]
 
 
-def _faintly(found: Found, around: Surroundings, dark: np.ndarray, pixel: float) -> Found:
+def _faintly(found: FoundCircle, around: Surroundings, dark: np.ndarray, pixel: float) -> FoundCircle:
     """A small circle with what it mirrors where its shadows say so, if all pictures together mirror there."""
     if found.shadows <= BEGIN or found.circle.r >= faint.LARGEST_PX * pixel:
         return found
@@ -212,7 +214,7 @@ def _mirrored(circle: Circle, dark: np.ndarray) -> Mirrored:
     return Mirrored(xy[0], xy[1:], mirrored if moves else 0.0, width)
 
 
-def _refusal(looked: list[Found], found: int, count: int, where: str, shape: tuple[int, int]) -> SphereError:
+def _refusal(looked: list[FoundCircle], found: int, count: int, where: str, shape: tuple[int, int]) -> SphereError:
     best = max(looked, key=lambda f: (f.circle.confidence >= CONFIDENCE, f.mirrored, f.circle.confidence), default=None)
     advice = (
         "where it shows one, give --circle x,y,r in pixels from the upper left; else photograph a mirror sphere under "

@@ -121,12 +121,12 @@ class Surroundings:
 
     def compared(
         self, circle: Circle, xy: Float[np.ndarray, "n 2"], table: Float[np.ndarray, " 3"] | None = None
-    ) -> Compared:
+    ) -> ShadowMatch:
         """Levels are taken for linear or encoded, whichever explains more; the table's normal is found, or given."""
         shown = np.isfinite(xy.sum(1))
         x, y, dark = self._around(circle)
         if shown.sum() < FEW or x.size < PLACES / 40:
-            return Compared(0.0, shown, VIEW, 1.0, np.zeros((0, 0)), lambda reflections: np.zeros((0, 0)))
+            return ShadowMatch(0.0, shown, VIEW, 1.0, np.zeros((0, 0)), lambda reflections: np.zeros((0, 0)))
         (L, _), dark, bright = directions(circle, xy[shown]), dark[shown], self.bright[shown]
         found = []
         for gamma in GAMMAS:
@@ -137,7 +137,7 @@ class Surroundings:
             less = 1 - (1 - dark) ** (gamma / EDGE_POWER)  # of light: edges are where it is half way
             left = np.nan_to_num(_correlation(less, S), nan=1.0).argsort()[int(WRONG * len(S)) :]
             correlation = float(np.nan_to_num(_correlation(less[left].ravel(), S[left].ravel())))
-            found.append(Compared(correlation, shown, T, unsure, less, cast))
+            found.append(ShadowMatch(correlation, shown, T, unsure, less, cast))
         return max(found, key=lambda compared: compared.correlation)
 
     def _around(self, circle: Circle) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -153,7 +153,7 @@ class Surroundings:
         return x, y, self.missing[:, y, x]
 
 
-class Compared(NamedTuple):
+class ShadowMatch(NamedTuple):
     """What is dark around a sphere, and its shadows there, in the `m` of n pictures with a highlight.
 
     Parameters

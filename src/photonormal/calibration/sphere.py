@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from photonormal.calibration import faint
-from photonormal.calibration.choice import Found
+from photonormal.calibration.choice import FoundCircle
 from photonormal.calibration.circle import Circle, SphereError, from_mask
 from photonormal.calibration.highlight import check_number, check_sizes, darkest, looked_for
 from photonormal.calibration.mirror import directions
@@ -153,13 +153,13 @@ def look_at_spheres(
                 )
     elif mask is not None and spheres == 1:
         circles = [from_mask(mask, where)]
-    found = [Found(c, np.empty((0, 2)), 1.0, 0.0) for c in circles]
+    found = [FoundCircle(c, np.empty((0, 2)), 1.0, 0.0) for c in circles]
     found = found or find_spheres(read, len(names), where, spheres, extra)
     return [_one(read, shape, names, where, f, camera) for f in found]
 
 
 def _one(
-    read: Photograph, shape: Sequence[int], names: Sequence[str], where: str, found: Found, camera: Projection
+    read: Photograph, shape: Sequence[int], names: Sequence[str], where: str, found: FoundCircle, camera: Projection
 ) -> Sphere:
     circle = found.circle
     x0, y0 = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
@@ -206,7 +206,7 @@ def _by_shadows(read: Photograph, n: int, circle: Circle, xy: np.ndarray, begin:
     return faint.moved(xy, (cast + 0.5) / scale - 0.5 + (x0, y0), circle)
 
 
-def _as_told(found: Found, j: int, highlight: Highlight) -> Highlight:
+def _as_told(found: FoundCircle, j: int, highlight: Highlight) -> Highlight:
     """Of what stands out in picture j that which explains its shadow; where that is clear, without rivals."""
     x, y = found.xy[j]
     best = min((highlight, *highlight.others), key=lambda h: float(np.nan_to_num(np.hypot(h.x - x, h.y - y))))
@@ -215,7 +215,7 @@ def _as_told(found: Found, j: int, highlight: Highlight) -> Highlight:
     return highlight if best is highlight else replace(best, others=(highlight,))
 
 
-def _elsewhere(found: Found, j: int, highlight: Highlight) -> bool:
+def _elsewhere(found: FoundCircle, j: int, highlight: Highlight) -> bool:
     """Whether the highlight of picture j is not the one that explains its shadow."""
     x, y = found.xy[j]
     return j in found.astray or bool(

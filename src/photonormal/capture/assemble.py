@@ -167,7 +167,7 @@ def assemble(
 
 
 @dataclass(frozen=True)
-class Lit:
+class LitPictures:
     """The pictures that are used, each under a light.
 
     Parameters
@@ -192,7 +192,7 @@ def _lit(
     lights: np.ndarray | Listed | None,
     intensities: np.ndarray | Path | None,
     choice: Choice,
-) -> Lit:
+) -> LitPictures:
     """The files' pictures that the user chooses and that have a light; what is not used is not counted."""
     if not files:
         raise InputError(f"{name} holds no pictures; give a folder with PNG, TIFF, JPEG, EXR, TGA, NPY or RAW files.")
@@ -220,7 +220,7 @@ def _lit(
     e = _intensities(choice.intensities or intensities, [len(used), len(every), len(pictures)], order, chosen)
     if choice.exif_exposure:
         e = e * exposures([parts(p)[0] for p in used])
-    return Lit(used, chosen, every, vectors, e, tuple(notes))
+    return LitPictures(used, chosen, every, vectors, e, tuple(notes))
 
 
 def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None:
@@ -262,7 +262,7 @@ def _intensities(given: np.ndarray | Path | None, counts: list[int], order: list
     return table if len(table) == used else table[chosen]
 
 
-def _boards(choice: Choice, lit: Lit, near: bool) -> list[Path] | None:
+def _boards(choice: Choice, lit: LitPictures, near: bool) -> list[Path] | None:
     """Pictures of a white board under each light, whose fall-off and intensity they tell, where there are some."""
     if choice.flat is None or not (choice.rgb_lights or choice.flat.is_dir()):
         return None

@@ -152,7 +152,8 @@ class Framed:
             size.append(len(range(first, last, step)))
             a, b = (min(max(0, -(-(edge - first) // step)), size[-1]) for edge in (box.start, box.stop))
             at.append(slice(a, b))
-            inner.append(slice(*(first + k * step - box.start for k in (a, b)), step) if a < b else slice(0, 0))
+            start = first - box.start
+            inner.append(slice(start + a * step, start + b * step, step) if a < b else slice(0, 0))
         return (size[0], size[1]), (at[0], at[1]), self.store.window(j, inner[0], inner[1])
 
     def image(self, j: int, rows: slice, columns: slice) -> np.ndarray:

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float
 from photonormal.calibration.intensities import self_calibrated
 from photonormal.doctor.finding import Finding
 from photonormal.doctor.given import Given, Near
-from photonormal.doctor.misfit import MATT, Pixels
+from photonormal.doctor.misfit import MATT, MisfitPixels
 from photonormal.geometry import normalised
 from photonormal.srgb import from_linear, to_linear
 
@@ -50,7 +50,7 @@ def explanation(
     `encoded` where they were taken for linear but seldom are.
     """
     L = given.directions()
-    pixels = Pixels.of(given.seen(), mask)
+    pixels = MisfitPixels.of(given.seen(), mask)
     if pixels is None:
         return _hardly_differ(given.levels, L)
     b, before = pixels.fit(L)
@@ -83,7 +83,7 @@ def _hardly_differ(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> 
 
 
 def _staying_on(
-    pixels: Pixels, L: np.ndarray, before: np.ndarray, bits: int | None, encoded: bool
+    pixels: MisfitPixels, L: np.ndarray, before: np.ndarray, bits: int | None, encoded: bool
 ) -> tuple[float, Finding] | None:
     """I = b.l + c with c above zero in most pixels: other light, or a picture whose encoding lifts the dark.
 
@@ -142,7 +142,7 @@ def _common(on: Float[np.ndarray, " p"]) -> bool:
     return bool(np.median(on) > ON and (on > MOST).mean() > OF_PIXELS)
 
 
-def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+def _linear_before(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
     """I = b.l + c with c below zero in most pixels, and none with the curve that was applied taken back."""
     b = pixels.fit(np.concatenate([L, np.ones((len(L), 1))], axis=1))[0]
     if np.median(b[:, 3] / np.linalg.norm(b[:, :3], axis=1).clip(1e-9)) > TAKEN:
@@ -159,7 +159,7 @@ def _linear_before(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[f
     return gain.left, Finding("encoding", True, message, numbers, options=options)
 
 
-def _near(pixels: Pixels, L: np.ndarray, b: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+def _near(pixels: MisfitPixels, L: np.ndarray, b: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
     """Each picture is brighter on its lamp's side, as on a plane under lamps at one distance.
 
     On what is round or domed normals face the lamp on that side, too, and sheen is brighter there: places have to
@@ -195,7 +195,7 @@ def at_distance(
     return widths**2 * d / np.linalg.norm(d, axis=-1, keepdims=True) ** 3
 
 
-def _halfway(pixels: Pixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+def _halfway(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
     """Directions are the normals of a mirror sphere where it shows the lamps: twice the angle to the axis fits best.
 
     A flat thing that shines does as if each light had an intensity of its own, which must not explain more. The

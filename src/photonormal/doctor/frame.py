@@ -34,7 +34,7 @@ MIRRORED = {
 
 
 @dataclass(frozen=True)
-class Frame:
+class NormalsFrame:
     """Normals as they would be: y flipped if `mirrored`, then turned by `turn_deg` counter-clockwise."""
 
     mirrored: bool
@@ -45,9 +45,9 @@ class Frame:
         c, s = np.cos(np.radians(self.turn_deg)), np.sin(np.radians(self.turn_deg))
         return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([1.0, -1.0 if self.mirrored else 1.0, 1.0])
 
-    def half_turned(self) -> Frame:
+    def half_turned(self) -> NormalsFrame:
         """Half a turn on."""
-        return Frame(self.mirrored, (self.turn_deg + 180) % 360)
+        return NormalsFrame(self.mirrored, (self.turn_deg + 180) % 360)
 
     def name(self) -> str:
         """What was done to the lights."""
@@ -57,11 +57,11 @@ class Frame:
         return "x and y are both flipped" if turn == -180 else f"the lights are turned by {-turn} degrees"
 
 
-GIVEN = Frame(False, 0)
-TRIED = [Frame(True, deg) for deg in range(0, 180, STEP_DEG)]  # half turns aside, which change no curl
-TRIED += [Frame(False, deg) for deg in range(SMALL_DEG, 181 - SMALL_DEG, STEP_DEG)]
-SMALL = [Frame(False, deg) for deg in range(STEP_DEG - SMALL_DEG, SMALL_DEG, STEP_DEG)]  # what inexact lights do
-QUARTERS = [Frame(mirrored, deg) for mirrored in (False, True) for deg in (0, 90, 180, 270)]
+GIVEN = NormalsFrame(False, 0)
+TRIED = [NormalsFrame(True, deg) for deg in range(0, 180, STEP_DEG)]  # half turns aside, which change no curl
+TRIED += [NormalsFrame(False, deg) for deg in range(SMALL_DEG, 181 - SMALL_DEG, STEP_DEG)]
+SMALL = [NormalsFrame(False, deg) for deg in range(STEP_DEG - SMALL_DEG, SMALL_DEG, STEP_DEG)]  # what inexact lights do
+QUARTERS = [NormalsFrame(mirrored, deg) for mirrored in (False, True) for deg in (0, 90, 180, 270)]
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ class LambertianFit:
 class Verdict:
     """The frame that the pictures speak for, `GIVEN` where they speak for none; `half` whether half a turn is told."""
 
-    frame: Frame
+    frame: NormalsFrame
     half: bool
     numbers: dict[str, Any]
 
@@ -130,12 +130,12 @@ def judged(fit: LambertianFit) -> Verdict:
     return Verdict(frame.half_turned() if half else frame, True, numbers)
 
 
-def _up_to_half_a_turn(fit: LambertianFit) -> tuple[Frame, dict[str, Any]]:
+def _up_to_half_a_turn(fit: LambertianFit) -> tuple[NormalsFrame, dict[str, Any]]:
     curl = Curl.of(fit.normals, fit.mask)
     if curl is None:
         return GIVEN, {}
     best = min(TRIED, key=curl.total)
-    usual = Frame(best.mirrored, round(best.turn_deg / 45) * 45 % 180)
+    usual = NormalsFrame(best.mirrored, round(best.turn_deg / 45) * 45 % 180)
     if curl.total(usual) <= AS_GOOD * curl.total(best) and usual != GIVEN:
         best = usual
     # Parallel folds mirrored about their own direction look as they did, so lights that are a little off fit a mirrored
@@ -148,7 +148,7 @@ def _up_to_half_a_turn(fit: LambertianFit) -> tuple[Frame, dict[str, Any]]:
     return GIVEN, numbers
 
 
-def _half_turned(fit: LambertianFit, frame: Frame, numbers: dict[str, Any]) -> bool | None:
+def _half_turned(fit: LambertianFit, frame: NormalsFrame, numbers: dict[str, Any]) -> bool | None:
     """Whether half a turn is missing; None where neither shadows nor an outline tell, or they disagree.
 
     Where each by itself says too little, both together may tell.

@@ -12,7 +12,7 @@ from photonormal.calibration.intensities import SHADOW, robust_normals, self_cal
 from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.frame import GIVEN, LambertianFit, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
-from photonormal.doctor.misfit import MATT, OF_PART, Pixels
+from photonormal.doctor.misfit import MATT, OF_PART, MisfitPixels
 from photonormal.doctor.order import BETTER, Orders, name_of
 from photonormal.geometry import angle_deg
 
@@ -107,7 +107,7 @@ def _of_other_pictures(given: Given, mask: Bool[np.ndarray, "h w"], orders: Orde
     Under its own lights an object is bright or dark by where each stands, however it shines; under others it is not.
     """
     L = given.directions()
-    pixels, misfit = Pixels.of(given.seen(), mask), orders.misfit(np.arange(len(L)))
+    pixels, misfit = MisfitPixels.of(given.seen(), mask), orders.misfit(np.arange(len(L)))
     if pixels is None or len(L) < LIGHTS or misfit < AS_CHANCE:
         return None
     left, least = (float(np.median(pixels.fit(lights)[1])) for lights in (L, orders.principal()))
@@ -128,7 +128,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     Shine brightens a picture where normals are halfway to its light, an intensity wherever they point. Shine of what
     is flat brightens pictures by where their lights stand.
     """
-    pixels, L = Pixels.of(given.seen(), mask), given.directions()
+    pixels, L = MisfitPixels.of(given.seen(), mask), given.directions()
     if pixels is None:
         return []
     e, _ = self_calibrated(pixels.I, L)

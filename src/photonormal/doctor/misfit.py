@@ -26,7 +26,7 @@ CERTAIN = 3.0  # standard errors over the parts
 
 
 @dataclass(frozen=True)
-class Pixels:
+class MisfitPixels:
     """Some of the object's pixels with samples enough.
 
     Parameters
@@ -43,7 +43,7 @@ class Pixels:
     part: Int[np.ndarray, " p"]
 
     @classmethod
-    def of(cls, I: Float[np.ndarray, "p n"], mask: Bool[np.ndarray, "h w"]) -> Pixels | None:
+    def of(cls, I: Float[np.ndarray, "p n"], mask: Bool[np.ndarray, "h w"]) -> MisfitPixels | None:
         """None where too few samples are lit."""
         step = max(1, len(I) // PIXELS)
         some, (rows, columns) = I[::step], np.argwhere(mask)[::step].T
@@ -58,7 +58,7 @@ class Pixels:
         part = np.unique(cell, return_inverse=True)[1]
         return cls(some[told] / some.max(), lit[told], place, part)
 
-    def showing(self, I: Float[np.ndarray, "p n"]) -> Pixels:
+    def showing(self, I: Float[np.ndarray, "p n"]) -> MisfitPixels:
         """Other grey levels, of which the same samples are asked."""
         return replace(self, I=I)
 

@@ -33,14 +33,14 @@ SCATTER = 0.02  # between the channels of a grey picture
 
 
 @dataclass(frozen=True)
-class Turned:
+class NormalMapFrame:
     """Normals with y flipped, or as they are (`photonormal.curl.Turned`)."""
 
     mirrored: bool
     turn_deg: int = 0
 
 
-AS_IT_IS, FLIPPED = Turned(False), Turned(True)
+AS_IT_IS, FLIPPED = NormalMapFrame(False), NormalMapFrame(True)
 
 
 def judged(
@@ -178,7 +178,7 @@ def _facing(p: Float[np.ndarray, "p 3"], known: np.ndarray, path: Path, tell: Ca
     )
 
 
-def _certainly(map: np.ndarray, known: np.ndarray, worse: Turned, better: Turned) -> bool:
+def _certainly(map: np.ndarray, known: np.ndarray, worse: NormalMapFrame, better: NormalMapFrame) -> bool:
     """Whether the slopes are far more a surface's in the one reading than in the other, all over the map."""
     curl = Curl.of(map, known)
     if curl is None:

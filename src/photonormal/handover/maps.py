@@ -28,7 +28,7 @@ FLOATS = {"colour": True, "normals": False, "height": False}  # layers that --ex
 
 
 @dataclass(frozen=True)
-class Program:
+class TargetProgram:
     """What a program expects: the frame of its normal maps, and names by layer, in which {} is the texture's."""
 
     frame: str
@@ -45,9 +45,9 @@ PLAIN = {
 }
 UNREAL = {"colour": "T_{}_BC", "normals": "T_{}_N", "height": "T_{}_H", "packed": "T_{}_ORM"}
 PROGRAMS = {
-    "blender": Program("opengl", PLAIN),
-    "substance": Program("directx", PLAIN),
-    "unreal": Program("directx", UNREAL),
+    "blender": TargetProgram("opengl", PLAIN),
+    "substance": TargetProgram("directx", PLAIN),
+    "unreal": TargetProgram("directx", UNREAL),
 }
 
 
@@ -106,7 +106,7 @@ def export_maps(
     return out
 
 
-def _write(layers: Layers, expected: Program, name: str, unit: float | None, exr: bool, batch: FileBatch) -> None:
+def _write(layers: Layers, expected: TargetProgram, name: str, unit: float | None, exr: bool, batch: FileBatch) -> None:
     """All pictures at the same time, some rows after the other."""
     values = _values(layers, expected.frame, unit, exr)
     low, high = (value * (unit or 1.0) for value in layers.heights)

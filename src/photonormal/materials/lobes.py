@@ -35,7 +35,7 @@ ALIKE = 0.98  # cosine between the samples of both lobes above which they can't 
 
 
 @dataclass(frozen=True)
-class Fit:
+class FittedLobes:
     """Both lobes of some pixels.
 
     Parameters
@@ -143,7 +143,7 @@ def likeliest(values: Float[Tensor, "p r"]) -> Float[Tensor, " p"]:
     return torch.exp(log[k] + between * (log[1] - log[0]))[:, 0]
 
 
-def fitted(s: ReflectanceSamples, roughness: Float[Tensor, " p"]) -> Fit:
+def fitted(s: ReflectanceSamples, roughness: Float[Tensor, " p"]) -> FittedLobes:
     """The lobes in least squares at a given roughness."""
     matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
     both = torch.stack([matt, g], 1)  # (p, 2, n)
@@ -173,4 +173,4 @@ def fitted(s: ReflectanceSamples, roughness: Float[Tensor, " p"]) -> Fit:
     bare = matt_part < BARE * (matt_part + shine)
     rho = torch.where(scarce, alone * ~bare, rho)
     F0 = torch.where(scarce, shine / channels.clamp(min=1), F0)
-    return Fit(rho, F0, alone, told, certain)
+    return FittedLobes(rho, F0, alone, told, certain)

@@ -105,7 +105,7 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenPixels:
     """Radiance, normals and lights of some pixels, and from which radiance on a channel is saturated."""
 
     I: Float[Tensor, "p n c"]
@@ -117,7 +117,7 @@ class Seen:
         return samples(self.I, self.N, self.L, self.I >= self.white)
 
 
-def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> Iterator[Seen]:
+def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> Iterator[SeenPixels]:
     """What is seen of the normals' pixels in a window, some at a time."""
     on, asked = normals.mask[rows, columns], capture.mask[rows, columns]
     I = torch.from_numpy(capture.samples(rows, columns, on))  # (p, n, c)
@@ -130,15 +130,15 @@ def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> It
         part = slice(first, first + PIXELS)
         if capture.lights_at is not None:
             lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
-        yield Seen(I[part], N[part], lights, white)
+        yield SeenPixels(I[part], N[part], lights, white)
 
 
-def _roughness(seen: list[Seen], where: Bool[Tensor, "h w"], channels: int) -> Float[Tensor, " p"]:
+def _roughness(seen: list[SeenPixels], where: Bool[Tensor, "h w"], channels: int) -> Float[Tensor, " p"]:
     """The likeliest one of each pixel and its neighbours."""
     likelihood, colour = torch.zeros(*where.shape, len(ROUGHNESS)), torch.zeros(*where.shape, channels)
     numbers = where.flatten().nonzero()[:, 0].split(PIXELS)
 
-    def guess(part: tuple[Seen, Tensor]) -> None:
+    def guess(part: tuple[SeenPixels, Tensor]) -> None:
         s = part[0].samples()
         likelihood.view(-1, len(ROUGHNESS))[part[1]] = log_likelihood(s)
         colour.view(-1, channels)[part[1]] = s.albedo

@@ -14,7 +14,7 @@ from photonormal.files.rows import Rows
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS
 from photonormal.relighting.codes import Codes
-from photonormal.relighting.fit import Fit, pieces
+from photonormal.relighting.fit import RelightingFit, pieces
 from photonormal.types import Capture, InputError
 
 LARGEST = 2**31 - 1  # bytes: many viewers count them in 32 bits
@@ -35,7 +35,7 @@ def write(capture: Capture, kind: str, path: Path) -> None:
     InputError
         If the capture's lights are unknown or too few, or the file would be larger than viewers can read.
     """
-    fit = Fit(capture, FORMATS[kind].basis)
+    fit = RelightingFit(capture, FORMATS[kind].basis)
     h, w = fit.size
     k = fit.terms
     lrgb = kind == "ptm"

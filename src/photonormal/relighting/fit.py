@@ -27,7 +27,7 @@ PIECE = 2**20  # numbers of all layers that are worked on at a time
 
 
 @dataclass(frozen=True)
-class Fit:
+class RelightingFit:
     """The least-squares fit of a capture's photographs, as they look on a screen, by a basis.
 
     Coefficients C minimise |B C - I|^2 + ridge trace(B'B) |C|^2, so that those stay short that lights tell little of:

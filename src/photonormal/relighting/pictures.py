@@ -12,7 +12,7 @@ from jaxtyping import Float, UInt8
 
 from photonormal.files.rows import Rows
 from photonormal.relighting.bases import Basis
-from photonormal.relighting.fit import Fit, pieces
+from photonormal.relighting.fit import RelightingFit, pieces
 from photonormal.srgb import from_linear
 from photonormal.types import Capture
 
@@ -49,7 +49,7 @@ class Relit:
 @contextmanager
 def fitted(capture: Capture, basis: Basis) -> Iterator[Relit]:
     """By the fit to photographs, cut to the mask's box, black outside it; its coefficients lie on disk."""
-    with Fit(capture, basis).layers() as layers:
+    with RelightingFit(capture, basis).layers() as layers:
         yield Relit(layers, lambda C, light: np.tensordot(basis(light).astype(np.float32), C, 1))
 
 

@@ -10,7 +10,7 @@ from photonormal.disk import FileBatch
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, deepzoom
 from photonormal.relighting.codes import Codes
-from photonormal.relighting.fit import Fit, pieces
+from photonormal.relighting.fit import RelightingFit, pieces
 from photonormal.types import Capture, InputError
 
 QUALITY = 95  # of JPEG
@@ -37,7 +37,7 @@ def write(capture: Capture, kind: str, folder: FileBatch, webp: bool = False) ->
     InputError
         If the capture's lights are unknown or too few, or a picture would be too large.
     """
-    fit = Fit(capture, FORMATS[kind].basis, RIDGE)
+    fit = RelightingFit(capture, FORMATS[kind].basis, RIDGE)
     (h, w), k = fit.size, fit.terms
     openlime = kind.startswith("openlime")
     webp = webp and openlime

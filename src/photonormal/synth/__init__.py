@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from photonormal.synth.output import render
     from photonormal.synth.recipes import RECIPES, Rendering, recipe
-    from photonormal.synth.stream import Batch, Stream
+    from photonormal.synth.stream import RenderedBatch, Stream
 
 _WHERE = {
-    "Batch": "photonormal.synth.stream",
+    "RenderedBatch": "photonormal.synth.stream",
     "Stream": "photonormal.synth.stream",
     "RECIPES": "photonormal.synth.recipes",
     "Rendering": "photonormal.synth.recipes",
     "recipe": "photonormal.synth.recipes",
     "render": "photonormal.synth.output",
 }
-__all__ = ["RECIPES", "Batch", "Rendering", "Stream", "recipe", "render"]
+__all__ = ["RECIPES", "RenderedBatch", "Rendering", "Stream", "recipe", "render"]
 
 
 def __getattr__(name: str) -> Any:

@@ -36,7 +36,7 @@ Pictures = Float[Tensor, "c n 3 h w"]
 
 
 @dataclass(frozen=True)
-class Coarse:
+class Coarsening:
     """What happens to the pictures of `b` scenes.
 
     Parameters
@@ -57,19 +57,19 @@ class Coarse:
     clipped: np.ndarray
 
     @staticmethod
-    def none(b: int, n: int) -> Coarse:
+    def none(b: int, n: int) -> Coarsening:
         """A good camera's."""
         zero, one = np.zeros(b), np.ones(b)
-        return Coarse(zero, zero, np.ones((b, n)), zero, one, zero)
+        return Coarsening(zero, zero, np.ones((b, n)), zero, one, zero)
 
     @staticmethod
-    def drawn(recipe: Rendering, g: np.random.Generator, b: int, n: int) -> Coarse:
+    def drawn(recipe: Rendering, g: np.random.Generator, b: int, n: int) -> Coarsening:
         """At random, in the shares of a recipe that has any; each fault comes and goes by itself."""
         if not recipe.dark + recipe.jpeg + recipe.gamma + recipe.clipped:
-            return Coarse.none(b, n)
+            return Coarsening.none(b, n)
         dark, jpeg, bent, clipped = (g.random(b) < s for s in (recipe.dark, recipe.jpeg, recipe.gamma, recipe.clipped))
         gain = log_uniform(g, 1 / UNEVEN, 1, (b, n)) ** g.random((b, 1))  # some sets are even
-        return Coarse(
+        return Coarsening(
             np.where(dark, log_uniform(g, *LEVELS, b).round(), 0),
             np.where(dark, np.where(g.random(b) < 0.5, -0.5, g.uniform(-0.5, 0.5, b)), 0),
             np.where(dark[:, None], gain / gain.max(1, keepdims=True), 1),
@@ -78,12 +78,12 @@ class Coarse:
             np.where(clipped, g.uniform(*CLIPPED, b), 0),
         )
 
-    def windows(self, crops: int) -> Coarse:
+    def windows(self, crops: int) -> Coarsening:
         """The same for each of the `crops` windows of a scene."""
-        return Coarse(*(np.repeat(getattr(self, f.name), crops, 0) for f in fields(self)))
+        return Coarsening(*(np.repeat(getattr(self, f.name), crops, 0) for f in fields(self)))
 
 
-def stored(I: Pictures, coarse: Coarse, g: np.random.Generator) -> Pictures:
+def stored(I: Pictures, coarse: Coarsening, g: np.random.Generator) -> Pictures:
     """Windows (linear, within [0, 1]) as a file gives them back: after JPEG, read by a tone curve that is off."""
     some = np.flatnonzero(coarse.quality)
     if len(some):

@@ -16,7 +16,7 @@ from photonormal.synth.params import rng
 from photonormal.synth.preview import contact_sheet, encode_sheet
 from photonormal.synth.recipes import Rendering, recipe
 from photonormal.synth.shards import write_recipe, write_shard
-from photonormal.synth.stream import Batch, Stream
+from photonormal.synth.stream import RenderedBatch, Stream
 from photonormal.types import InputError
 
 LAYOUTS = ("diligent", "blobby", "shards")
@@ -85,10 +85,10 @@ def _write(
     made = dataclasses.replace(made, scenes=block)
     size = min(SHARD, block * made.crops)
     blobby = BlobbyWriter(folder) if layout == "blobby" else None
-    shown: list[Batch] = []
+    shown: list[RenderedBatch] = []
     done = 0
     for index, batch in enumerate(Stream(made, size, device, seed)):
-        batch = Batch(*(getattr(batch, f.name)[: count - done] for f in dataclasses.fields(batch)))
+        batch = RenderedBatch(*(getattr(batch, f.name)[: count - done] for f in dataclasses.fields(batch)))
         if layout == "shards":
             write_shard(folder, index, batch)
         else:
@@ -108,7 +108,13 @@ def _write(
 
 
 def write_sample(
-    batch: Batch, i: int, index: int, label: str, folder: disk.FileBatch, blobby: BlobbyWriter | None, seed: int = 0
+    batch: RenderedBatch,
+    i: int,
+    index: int,
+    label: str,
+    folder: disk.FileBatch,
+    blobby: BlobbyWriter | None,
+    seed: int = 0,
 ) -> None:
     """Sample `i` of a batch as number `index` of a set."""
     images = batch.images[i].permute(0, 2, 3, 1).cpu().numpy()  # (n, h, w, 3)

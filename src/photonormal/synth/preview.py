@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from photonormal.synth.stream import Batch
+from photonormal.synth.stream import RenderedBatch
 
 GAP = 2  # pixels between samples
 WIDTH = 76  # pixels of a picture on the sheet at most
 
 
-def contact_sheet(batches: list[Batch], columns: int = 3, pictures: int = 3) -> UInt8[np.ndarray, "h w 3"]:
+def contact_sheet(batches: list[RenderedBatch], columns: int = 3, pictures: int = 3) -> UInt8[np.ndarray, "h w 3"]:
     """For each sample its normals and `pictures` of its images, brightened to be looked at; `columns` samples a row."""
     tiles = [tile for batch in batches for tile in _tiles(batch, pictures)]
     tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % columns)
@@ -19,7 +19,7 @@ def contact_sheet(batches: list[Batch], columns: int = 3, pictures: int = 3) -> 
     return (np.concatenate(rows) * 255).round().astype(np.uint8)
 
 
-def _tiles(batch: Batch, pictures: int) -> list[Float[np.ndarray, "h w 3"]]:
+def _tiles(batch: RenderedBatch, pictures: int) -> list[Float[np.ndarray, "h w 3"]]:
     import cv2
 
     tiles = []

@@ -33,7 +33,7 @@ from photonormal.synth.recipes import Rendering
 from photonormal.synth.sculptor import draw_solids
 from photonormal.synth.sensor import turned
 from photonormal.synth.shadows import distant, nearby
-from photonormal.synth.trace import Geometry, Solid, View, approach, survey
+from photonormal.synth.trace import Geometry, Solid, WindowView, approach, survey
 
 EMPTY = -1000.0  # height, in pixels, of where there is nothing
 ELEMENTS = {"cpu": 2**18, "cuda": 2**27}  # samples (pixel, light) rendered at a time: what a cache or a GPU holds
@@ -85,7 +85,7 @@ def lights_of_scenes(recipe: Rendering, g: np.random.Generator, b: int, n: int) 
     return turned(np.tile(recipe.directions, (b, 1, 1)), g, recipe.light_error_deg * g.random(b))
 
 
-def frame(scenes: Scenes, size: int) -> tuple[View, Float[Tensor, "b p"]]:
+def frame(scenes: Scenes, size: int) -> tuple[WindowView, Float[Tensor, "b p"]]:
     """A window around each object, or around a spot of it; and the depth at which its pixels' rays may begin."""
     wide, z = survey(scenes.solids, len(scenes.zoom), scenes.zoom.device)
     seen = z > -torch.inf  # (b, c)
@@ -103,7 +103,7 @@ def frame(scenes: Scenes, size: int) -> tuple[View, Float[Tensor, "b p"]]:
     close = scenes.zoom < 1
     cx = torch.where(close, x.gather(1, spot)[:, 0], cx)
     cy = torch.where(close, y.gather(1, spot)[:, 0], cy)
-    view = View(torch.nan_to_num(torch.stack([cx, cy], -1), 0, 0, 0), half, size)
+    view = WindowView(torch.nan_to_num(torch.stack([cx, cy], -1), 0, 0, 0), half, size)
     return view, approach(scenes.solids, view, z)
 
 

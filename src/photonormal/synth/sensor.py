@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.synth.coarse import Coarse, stored
+from photonormal.synth.coarse import Coarsening, stored
 from photonormal.synth.params import tensor
 from photonormal.synth.recipes import Rendering
 
@@ -166,7 +166,7 @@ def measured(
         I = soften(I, height, mask, generator)
     if recipe.blurred:
         I = blur(I, drawn(0.2 * g.random(b) * (g.random(b) < recipe.blurred)).repeat_interleave(c))
-    coarse = Coarse.drawn(recipe, g, b, n)
+    coarse = Coarsening.drawn(recipe, g, b, n)
     saturated = recipe.saturated * g.random(b) ** 2 * (g.random(b) < 0.7)
     I, bright = expose(I, c, drawn(np.maximum(saturated, coarse.clipped)))
     if recipe.intensity_error:

@@ -17,14 +17,14 @@ from typing import Any
 import torch
 
 from photonormal import disk
-from photonormal.synth.stream import Batch
+from photonormal.synth.stream import RenderedBatch
 from photonormal.types import InputError
 
 RECIPE = "recipe.json"
 TENSORS = ("images", "lights", "normals", "mask")
 
 
-def write_shard(folder: disk.FileBatch, index: int, batch: Batch) -> None:
+def write_shard(folder: disk.FileBatch, index: int, batch: RenderedBatch) -> None:
     """One batch as file `index` of a set; images are in [0, 1]."""
     from safetensors.torch import save
 
@@ -56,13 +56,13 @@ def shard_sizes(folder: Path) -> dict[Path, list[int]]:
     return sizes
 
 
-def read_sample(path: Path, i: int) -> Batch:
+def read_sample(path: Path, i: int) -> RenderedBatch:
     """Sample `i` of a file, as a batch of one; nothing else of the file is read."""
     with _opened(path) as file:
         return _decoded([file.get_slice(name)[i : i + 1] for name in TENSORS])
 
 
-def read_shards(folder: Path, device: torch.device | str = "cpu") -> Iterator[Batch]:
+def read_shards(folder: Path, device: torch.device | str = "cpu") -> Iterator[RenderedBatch]:
     """The batches of a set, in order."""
     for path in shard_sizes(folder):
         with _opened(path) as file:
@@ -80,7 +80,7 @@ def _opened(path: Path) -> Iterator[Any]:
         raise InputError(f"{path} is not a shard of a rendered set ({error}); render it again.") from None
 
 
-def _decoded(tensors: list[torch.Tensor]) -> Batch:
+def _decoded(tensors: list[torch.Tensor]) -> RenderedBatch:
     images, lights, normals, mask = tensors
     normals = torch.nn.functional.normalize(normals.float(), dim=1)
-    return Batch(images.to(torch.int32).float() / 65535, lights, normals, mask.bool())
+    return RenderedBatch(images.to(torch.int32).float() / 65535, lights, normals, mask.bool())

@@ -20,7 +20,7 @@ from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Rendering, parts
 from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, render, windows
 from photonormal.synth.sensor import measured
-from photonormal.synth.trace import View, visible_surface
+from photonormal.synth.trace import WindowView, visible_surface
 from photonormal.types import InputError
 
 T = TypeVar("T")
@@ -32,7 +32,7 @@ PURPOSES = {"block": 0, "group": 1, "batch": 2, "mixture": 3}  # so that random 
 
 
 @dataclass(frozen=True)
-class Batch:
+class RenderedBatch:
     """`b` samples of `n` images: linear radiance over light intensity, zero outside the mask."""
 
     images: Float[Tensor, "b n 3 h w"]
@@ -42,7 +42,7 @@ class Batch:
 
 
 class Stream:
-    """Iterates over `Batch` for ever.
+    """Iterates over `RenderedBatch` for ever.
 
     A block of `recipe.scenes` scenes is rendered at a time; its windows, `recipe.crops` from each, are shuffled and
     dealt into batches. All batches of a block have the same number of lights. Block k depends on nothing but the
@@ -73,7 +73,7 @@ class Stream:
         fewest = min(r.scenes * r.crops for r in self.recipes)
         self.batches = max(1, fewest // batch)  # of a block
 
-    def __iter__(self) -> Iterator[Batch]:
+    def __iter__(self) -> Iterator[RenderedBatch]:
         while True:
             k, first = divmod(self.step, self.batches)
             block = render_block(self.recipe_of(k), self.seed, k, self.device, self.batches * self.batch)
@@ -90,10 +90,10 @@ class Stream:
         return self.recipes[int(rng(self.seed, PURPOSES["mixture"], k).choice(len(self.recipes), p=self.shares))]
 
 
-def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, samples: int) -> Batch:
+def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, samples: int) -> RenderedBatch:
     """`samples` windows of the `k`-th block of scenes."""
     n = lights_of(recipe, seed, k)
-    parts: list[Batch] = []
+    parts: list[RenderedBatch] = []
     missing, count = samples, 0  # windows to render, groups so far
     with workers(device) as work:
         while missing > 0:
@@ -110,7 +110,7 @@ def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, sam
                     f"no window of {recipe.crop} pixels in {count} groups of scenes is {recipe.coverage:.0%} covered; "
                     "lower coverage or crop."
                 )
-    return Batch(
+    return RenderedBatch(
         *(torch.cat([getattr(p, f) for p in parts])[:samples] for f in ("images", "lights", "normals", "mask"))
     )
 
@@ -138,7 +138,9 @@ def workers(device: torch.device) -> Iterator[Callable[[list[Callable[[], T]]], 
             torch.set_num_threads(n)  # a worker's setting reaches MKL, which all threads share
 
 
-def render_group(recipe: Rendering, key: tuple[int, int, int], b: int, n: int, device: torch.device) -> list[Batch]:
+def render_group(
+    recipe: Rendering, key: tuple[int, int, int], b: int, n: int, device: torch.device
+) -> list[RenderedBatch]:
     """The windows of `b` scenes, a few scenes at a time; scenes without enough of an object are left out."""
     g = rng(key[0], PURPOSES["group"], *key[1:])
     shelf = library(data_folder(recipe.data), recipe.split)
@@ -150,8 +152,8 @@ def render_group(recipe: Rendering, key: tuple[int, int, int], b: int, n: int, d
 
 
 def render_windows(
-    scenes: Scenes, view: View, start: Tensor, recipe: Rendering, shelf: Library | None, g: np.random.Generator
-) -> Batch:
+    scenes: Scenes, view: WindowView, start: Tensor, recipe: Rendering, shelf: Library | None, g: np.random.Generator
+) -> RenderedBatch:
     """The windows of some scenes, as the camera measures them."""
     device, c, w, s = start.device, recipe.crops, recipe.crop, recipe.size
     seed = int(g.integers(2**62))
@@ -161,7 +163,7 @@ def render_windows(
     b, n, _ = scenes.lights.shape
     if b == 0:
         none = torch.zeros(0, n, 3, w, w, device=device)
-        return Batch(none, scenes.lights, none[:, 0], torch.zeros(0, 1, w, w, dtype=torch.bool, device=device))
+        return RenderedBatch(none, scenes.lights, none[:, 0], torch.zeros(0, 1, w, w, dtype=torch.bool, device=device))
     offsets = (torch.arange(w)[:, None] * s + torch.arange(w)).flatten().to(device)
     pixels = (corner[..., None] + offsets).flatten(1)  # (b, c w w)
     I = render(scenes, geometry, pixels, recipe, shelf, seed)  # (b, n, 3, c w w)
@@ -173,4 +175,4 @@ def render_windows(
     N, mask, height = cut(geometry.normals), cut(geometry.mask[:, None]), cut(geometry.height[:, None])
     generator = torch.Generator(device).manual_seed(seed)
     I, L = measured(I * mask[:, None], scenes.lights, height[:, 0], mask[:, 0], recipe, g, generator)
-    return Batch(I * mask[:, None], L, N, mask)
+    return RenderedBatch(I * mask[:, None], L, N, mask)

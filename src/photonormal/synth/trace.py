@@ -35,7 +35,7 @@ COARSE = 4  # pixels along a side of the blocks that share the first part of the
 
 
 @dataclass(frozen=True)
-class View:
+class WindowView:
     """Square orthographic windows of `size` pixels: centre and half width in units of length."""
 
     centre: Float[Tensor, "b 2"]
@@ -66,9 +66,9 @@ class Geometry:
     behind: Float[Tensor, "b 2 s s"]  # heights where rays leave the solid, and where they enter it again, or NOWHERE
 
 
-def survey(solids: Solid, b: int, device: torch.device) -> tuple[View, Float[Tensor, "b c"]]:
+def survey(solids: Solid, b: int, device: torch.device) -> tuple[WindowView, Float[Tensor, "b c"]]:
     """A coarse, wide view of whole solids: depths above which there is nothing, -inf where there is nothing at all."""
-    view = View(torch.zeros(b, 2, device=device), torch.full((b,), WIDE, device=device), CELLS)
+    view = WindowView(torch.zeros(b, 2, device=device), torch.full((b,), WIDE, device=device), CELLS)
     if isinstance(solids, MeshViews):
         return view, solids.surface(view.centre, view.half, CELLS)[0][:, 0].flatten(1)
     x, y = view.rays(CELLS)
@@ -78,7 +78,7 @@ def survey(solids: Solid, b: int, device: torch.device) -> tuple[View, Float[Ten
     )
 
 
-def approach(solids: Solid, view: View, start: Float[Tensor, "b c"]) -> Float[Tensor, "b p"]:
+def approach(solids: Solid, view: WindowView, start: Float[Tensor, "b c"]) -> Float[Tensor, "b p"]:
     """Depth at which each pixel's ray may begin, from a survey's answer: blocks of pixels share their way there."""
     if isinstance(solids, MeshViews):
         return start.new_zeros(len(start), 1)
@@ -91,7 +91,7 @@ def approach(solids: Solid, view: View, start: Float[Tensor, "b c"]) -> Float[Te
     return z.repeat_interleave(COARSE, 1).repeat_interleave(COARSE, 2).flatten(1)
 
 
-def visible_surface(solids: Implicit | MeshViews, view: View, start: Float[Tensor, "b p"]) -> Geometry:
+def visible_surface(solids: Implicit | MeshViews, view: WindowView, start: Float[Tensor, "b p"]) -> Geometry:
     """March each ray from where `approach` lets it begin to the surface, then false position on the bracketed root."""
     s, px = view.size, view.pixel[:, None]
     if isinstance(solids, MeshViews):

@@ -20,7 +20,7 @@ NAME = "checkpoint.pt"
 MADE = {"collections OrderedDict", "torch._utils _rebuild_tensor_v2"}  # what a checkpoint is made of, and storages
 
 
-class State(TypedDict):
+class TrainingState(TypedDict):
     """A training between two steps."""
 
     step: Whole
@@ -40,7 +40,7 @@ def save(out: Path, state: dict[str, Any]) -> None:
     write(out / NAME, encoded.getvalue())
 
 
-def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ()) -> State:
+def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ()) -> TrainingState:
     """The checkpoint of `out`, on the processor; InputError if there is none, or of another recipe or other data."""
     path = out / NAME
     if not path.is_file():
@@ -56,7 +56,7 @@ def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ())
     except Exception as error:  # a damaged file fails in many ways
         reason = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
         raise InputError(f"checkpoint {path} can't be read ({reason}); start again.") from None
-    state = converted(state, State, f"checkpoint {path}", "start again")
+    state = converted(state, TrainingState, f"checkpoint {path}", "start again")
     if list(data) != state.get("data", []):
         came, needed = (
             ", ".join(str(s.get("name")) for s in sets) or "rendered scenes" for sets in (data, state.get("data", []))

@@ -19,7 +19,7 @@ import torch
 
 from photonormal.capture.augmentation import augmented
 from photonormal.resources import cores
-from photonormal.synth import Batch
+from photonormal.synth import RenderedBatch
 from photonormal.synth.params import rng
 from photonormal.synth.recipes import parts
 from photonormal.train.recipes import Recipe
@@ -64,7 +64,7 @@ class Disk:
 
     def stream(
         self, name: str, batch: int, device: torch.device, seed: int, start_step: int = 0, **rendering: Any
-    ) -> Iterator[Batch]:
+    ) -> Iterator[RenderedBatch]:
         """Batches of training samples for ever, from step `start_step` on; batch k depends on the seed and k alone.
 
         `name` and `rendering` are for what is rendered (`photonormal.synth.Stream`): samples on disk are as they are.
@@ -85,7 +85,7 @@ class Disk:
             finally:
                 pool.shutdown(cancel_futures=True)
 
-    def exams(self, batch: int, device: torch.device) -> dict[str, list[Batch]]:
+    def exams(self, batch: int, device: torch.device) -> dict[str, list[RenderedBatch]]:
         """A window of each validation sample, the same as `photonormal bench blobby` measures; none: no exam."""
         listed = [(s, key, np.random.default_rng(i)) for s in self.sets for i, key in enumerate(s.validation)]
         if not listed:
@@ -118,11 +118,11 @@ def shuffled(n: int, seed: int, places: range) -> list[int]:
     return [int(order[place // n][place % n]) for place in places]
 
 
-def stacked(windows: Sequence[Capture], device: torch.device) -> Batch:
+def stacked(windows: Sequence[Capture], device: torch.device) -> RenderedBatch:
     """Windows of one size with as many images each, as a batch."""
     images = torch.from_numpy(np.stack([np.asarray(w.images) for w in windows])).permute(0, 1, 4, 2, 3)
     lights = torch.from_numpy(np.stack([w.known_lights() for w in windows])).float()
     normals = torch.from_numpy(np.stack([w.truth.map for w in windows])).permute(0, 3, 1, 2)  # type: ignore[union-attr]
     mask = torch.from_numpy(np.stack([w.mask for w in windows]))[:, None]
     images = images.expand(-1, -1, 3, -1, -1)
-    return Batch(*(x.contiguous().to(device) for x in (images, lights, normals, mask)))
+    return RenderedBatch(*(x.contiguous().to(device) for x in (images, lights, normals, mask)))

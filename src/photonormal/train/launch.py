@@ -14,7 +14,7 @@ from photonormal.train import checkpoint
 from photonormal.types import InputError
 
 
-def agreed(asked: Precision, state: checkpoint.State | None, device: str) -> Precision:
+def agreed(asked: Precision, state: checkpoint.TrainingState | None, device: str) -> Precision:
     """The number format of a training: its checkpoint's, or the one asked for."""
     with computing_in(asked):
         found = number_format(torch_device(device))

@@ -14,7 +14,7 @@ from photonormal.methods.learned.weights import build
 from photonormal.train import checkpoint
 from photonormal.train.averages import averaged, follow, moved
 from photonormal.train.begin import begin
-from photonormal.train.checkpoint import State
+from photonormal.train.checkpoint import TrainingState
 from photonormal.train.objective import error
 from photonormal.train.observe import observe
 from photonormal.train.optimiser import Optimiser
@@ -36,7 +36,7 @@ class Learner:
         If the checkpoint or `begun` holds another network.
     """
 
-    def __init__(self, recipe: Recipe, fabric: Any, begun: Model | None, state: State | None, out: Path):
+    def __init__(self, recipe: Recipe, fabric: Any, begun: Model | None, state: TrainingState | None, out: Path):
         torch.manual_seed(recipe.seed)
         net: Model = placed(build(recipe.network, recipe.built), "cpu")
         if begun is not None:

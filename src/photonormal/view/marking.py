@@ -33,7 +33,7 @@ from photonormal.view.planes import colours, evenly, exact
 SIDE = 1600  # pixels of the longest side on the page; larger photographs are reduced by a whole number
 
 
-class Outline(msgspec.Struct):
+class MarkedOutline(msgspec.Struct):
     """A sphere's outline in pixels of the photographs; found by itself without."""
 
     x: Coordinate
@@ -56,7 +56,7 @@ class Marks(msgspec.Struct):
     mask: str | None = None
     crop: tuple[Whole, Whole, Whole, Whole] | None = None
     left_out: list[Whole] = []
-    sphere: Outline | None = None
+    sphere: MarkedOutline | None = None
     overwrite: bool = False
 
 
@@ -102,7 +102,7 @@ class Marking:
         """The suggested mask, (rows, columns) of `shown`, 1 on the object, as the page's tiles are."""
         return exact(self.mask.astype(np.uint8)[..., None])
 
-    def sphere(self, outline: Outline | None) -> dict[str, Any]:
+    def sphere(self, outline: MarkedOutline | None) -> dict[str, Any]:
         """The sphere there, or the one that is found, with its highlights and lights, in pixels of the photographs."""
         s, h = self.step, self.images.shape[1:3]
         given = [] if outline is None else [_moved(Circle(outline.x, outline.y, outline.r), 1 / s)]

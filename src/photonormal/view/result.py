@@ -36,14 +36,14 @@ class Reduced(TypedDict):
     scale: Scale
 
 
-class Lit(TypedDict):
+class StoredLights(TypedDict):
     """Lights that were found from the photographs."""
 
     directions: list[tuple[float, float, float]]
     intensities: NotRequired[list[Positive]]
 
 
-class Report(TypedDict):
+class StoredReport(TypedDict):
     """What is read of a result's report; the rest of it may be anything."""
 
     capture: NotRequired[str]
@@ -54,11 +54,11 @@ class Report(TypedDict):
     expected_error_deg: NotRequired[NotNegative]
     warnings: NotRequired[list[str]]
     crop: NotRequired[Reduced | None]
-    found_lights: NotRequired[Lit]
+    found_lights: NotRequired[StoredLights]
 
 
 @dataclass
-class Photographs:
+class PicturePlanes:
     """The capture's pictures as planes of colours, decoded when they are asked for."""
 
     capture: Capture
@@ -82,7 +82,7 @@ class Photographs:
 
 
 @dataclass(frozen=True)
-class Shown:
+class ViewedResult:
     """One result, cut to the object's box.
 
     Parameters
@@ -96,7 +96,7 @@ class Shown:
     name: str
     layers: dict[str, Plane]
     about: dict[str, Any]
-    photographs: Photographs | None
+    photographs: PicturePlanes | None
 
     def tile(self, layer: str, level: int, x: int, y: int) -> bytes:
         """A tile of a layer, or of photograph j as "photograph-j"; KeyError or IndexError where there is none."""
@@ -113,7 +113,7 @@ def is_result(folder: Path) -> bool:
     return (folder / REPORT).is_file() and (folder / "normals.npz").is_file()
 
 
-def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px: float | None = None) -> Shown:
+def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px: float | None = None) -> ViewedResult:
     """A folder that `photonormal measure` wrote.
 
     Parameters
@@ -153,11 +153,11 @@ def shown_of(
     albedo: np.ndarray | None,
     surface: Surface | None,
     truth: Normals | None,
-    report: Report | dict[str, Any],
+    report: StoredReport | dict[str, Any],
     mm_per_px: float | None,
     white: float = 1.0,
     every: int = 1,
-) -> Shown:
+) -> ViewedResult:
     """What a measurement gave, without its photographs.
 
     Parameters
@@ -198,10 +198,10 @@ def shown_of(
         "photographs": [],
         "notes": [f"Warning: {warning}" for warning in report.get("warnings", [])],
     }
-    return Shown(about["title"], layers, about, None)
+    return ViewedResult(about["title"], layers, about, None)
 
 
-def report_of(folder: Path) -> Report:
+def report_of(folder: Path) -> StoredReport:
     """The report of a result folder; InputError where it is none."""
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder; give one that `photonormal measure` wrote.")
@@ -212,10 +212,10 @@ def report_of(folder: Path) -> Report:
         raise InputError(
             f"{folder} holds no {REPORT} and normals.npz; give {which or 'a folder that `photonormal measure` wrote'}."
         )
-    return read_json(folder / REPORT, Report, AGAIN)
+    return read_json(folder / REPORT, StoredReport, AGAIN)
 
 
-def mm_per_px_of(report: Report, folder: Path) -> float | None:
+def mm_per_px_of(report: StoredReport, folder: Path) -> float | None:
     """Millimetres that a pixel of a result is wide, where its report says."""
     told = report.get("reading", {}).get("mm_per_px")
     if told is None:
@@ -230,7 +230,7 @@ def _same_size(path: Path, shape: tuple[int, ...], frame: tuple[int, ...]) -> No
 
 
 def photographs_of(
-    report: Report, given: str | Path | None, shape: tuple[int, ...]
+    report: StoredReport, given: str | Path | None, shape: tuple[int, ...]
 ) -> tuple[Capture | None, str | None]:
     """The photographs that were measured, or why they are left out. What the user named must fit."""
     source = given if given is not None else report.get("source")
@@ -255,7 +255,7 @@ def photographs_of(
         return None, f"The photographs are no longer in {source}; name them with --capture."
 
 
-def lit_by(capture: Capture, lit: Lit) -> Capture:
+def lit_by(capture: Capture, lit: StoredLights) -> Capture:
     """The photographs under the lights that were found from them."""
     lights = np.array(lit["directions"], float).reshape(-1, 3)
     intensities = np.array(lit["intensities"], float) if "intensities" in lit else None
@@ -265,7 +265,7 @@ def lit_by(capture: Capture, lit: Lit) -> Capture:
     return under(capture, lights, intensities)
 
 
-def _add_photographs(about: dict[str, Any], capture: Capture | None, box: tuple[slice, slice]) -> Photographs | None:
+def _add_photographs(about: dict[str, Any], capture: Capture | None, box: tuple[slice, slice]) -> PicturePlanes | None:
     if capture is None:
         return None
     L = capture.lights
@@ -274,4 +274,4 @@ def _add_photographs(about: dict[str, Any], capture: Capture | None, box: tuple[
         for j, name in enumerate(capture.image_names)
     ]
     picture = capture.images[0 if L is None else int(np.argmax(L[:, 2]))]  # the light nearest to the camera shows most
-    return Photographs(capture, box, max(float(np.quantile(picture[capture.mask], 0.99)), 1e-6))
+    return PicturePlanes(capture, box, max(float(np.quantile(picture[capture.mask], 0.99)), 1e-6))

@@ -13,8 +13,8 @@ from typing import Any
 from photonormal.export.folder import REPORT
 from photonormal.stored import decoded
 from photonormal.types import InputError
-from photonormal.view.marking import Marking, Marks, Outline
-from photonormal.view.result import Shown, is_result, open_result
+from photonormal.view.marking import MarkedOutline, Marking, Marks
+from photonormal.view.result import ViewedResult, is_result, open_result
 from photonormal.view.show import marking_page, result_page
 
 try:
@@ -50,7 +50,7 @@ def application(token: str) -> FastAPI:
     return app
 
 
-def results_application(shown: Sequence[Shown], token: str) -> FastAPI:
+def results_application(shown: Sequence[ViewedResult], token: str) -> FastAPI:
     """The page of some results, and their tiles."""
     app = application(token)
     page = result_page([s.about for s in shown])
@@ -134,7 +134,7 @@ def marking_application(marking: Marking, token: str) -> FastAPI:
 
     @app.post(f"/{token}/sphere")
     async def sphere(request: Request) -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
-        return await answered(request, Outline, marking.sphere)
+        return await answered(request, MarkedOutline, marking.sphere)
 
     @app.post(f"/{token}/sphere/found")
     async def found() -> JSONResponse:  # pyright: ignore[reportUnusedFunction]

@@ -18,7 +18,7 @@ from photonormal.masked import box_of
 from photonormal.types import InputError, Result
 from photonormal.view.page import document, ramp, read
 from photonormal.view.planes import SIDE, evenly, units
-from photonormal.view.result import Shown, open_result, shown_of
+from photonormal.view.result import ViewedResult, open_result, shown_of
 
 SCRIPTS = (
     *("base", "source", "gl", "shading", "tiles", "picture", "surface", "light", "measure"),
@@ -110,12 +110,12 @@ def some_photographs(photographs: list[dict[str, Any]], limit: int) -> list[dict
     return [photographs[j] for j in sorted(far_apart(np.array([p["light"] for p in photographs]), limit))]
 
 
-def _one_file(shown: Shown, about: dict[str, Any]) -> bytes:
+def _one_file(shown: ViewedResult, about: dict[str, Any]) -> bytes:
     tiles = {f"tile/0/{path}": base64.b64encode(tile).decode() for path, tile in _tiles(shown, about)}
     return result_page([about], tiles).encode("utf-8", "replace")  # names of files may be no text
 
 
-def _tiles(shown: Shown, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+def _tiles(shown: ViewedResult, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
     layers = [(name, about["first"]) for name in about["layers"]]
     layers += [(f"photograph-{p['index']}", about["first_photograph"]) for p in about["photographs"]]
     for layer, first in layers:

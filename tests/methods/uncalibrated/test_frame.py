@@ -8,14 +8,14 @@ from photonormal.geometry import angle_deg
 from photonormal.methods.uncalibrated.albedo import unshaded
 from photonormal.methods.uncalibrated.frame import BASRELIEF, Believed, FrameEvidence, settled
 from photonormal.methods.uncalibrated.highlights import highlights
-from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.shown import ShownPixels
 from tests.methods.uncalibrated.test_refine import scattered, shaken
 from tests.scenes import sphere
 
 TOLD = np.array([0.08, -0.06, 0.1])
 
 
-def seen(shine: float) -> tuple[Shown, torch.Tensor, torch.Tensor]:
+def seen(shine: float) -> tuple[ShownPixels, torch.Tensor, torch.Tensor]:
     """A matt or shiny sphere, its normals and lights."""
     truth, L = sphere(64, rim=0.9), scattered(40).astype(np.float32)
     n = truth.map[truth.mask]
@@ -23,7 +23,7 @@ def seen(shine: float) -> tuple[Shown, torch.Tensor, torch.Tensor]:
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
     shading = (n @ L.T).clip(0)
     I = torch.from_numpy(shading * (1 + shine * (n @ halfway.T).clip(0) ** 60))
-    return Shown(I, I > 0, torch.from_numpy(truth.mask), I.T[:, :1]), torch.from_numpy(n), torch.from_numpy(L)
+    return ShownPixels(I, I > 0, torch.from_numpy(truth.mask), I.T[:, :1]), torch.from_numpy(n), torch.from_numpy(L)
 
 
 def moved(N: torch.Tensor, s: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:

@@ -9,7 +9,7 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-from photonormal.batch.row import Row
+from photonormal.batch.row import CaptureRow
 from photonormal.view.page import document, read
 
 HERE = Path(__file__).parent
@@ -21,7 +21,7 @@ SHOWN = "normals, relit, expected error"  # on a thumbnail
 WORST_DEG = 20.0  # expected error whose bar is full
 
 
-def page(rows: Sequence[Row], title: str) -> bytes:
+def page(rows: Sequence[CaptureRow], title: str) -> bytes:
     """The whole page; pictures and files are those below its folder."""
     count = {kind: sum(kind in _kinds(row) for row in rows) for kind in ("failed", "grave", "note", "fine")}
     said = {"failed": "failed", "grave": "with grave findings", "note": "with notes", "fine": "without findings"}
@@ -44,14 +44,14 @@ def page(rows: Sequence[Row], title: str) -> bytes:
     return document(f"{title} - photonormal", body, [style], scripts, None, beside=True).encode("utf-8", "replace")
 
 
-def _kinds(row: Row) -> list[str]:
+def _kinds(row: CaptureRow) -> list[str]:
     """What the buttons find a row by."""
     if row.state != "done":
         return ["failed"] if row.state == "failed" else []
     return ["grave"] if row.grave else ["note"] if row.findings else ["fine"]
 
 
-def _failures(rows: Sequence[Row]) -> str:
+def _failures(rows: Sequence[CaptureRow]) -> str:
     failed = [row for row in rows if row.state == "failed"]
     if not failed:
         return ""
@@ -59,7 +59,7 @@ def _failures(rows: Sequence[Row]) -> str:
     return f'<section id="failures"><h2>{len(failed)} failed</h2><ul>{lines}</ul></section>'
 
 
-def _row(row: Row) -> str:
+def _row(row: CaptureRow) -> str:
     folder = quote(os.fsencode(row.capture))
     kinds = " ".join(_kinds(row))
     made = row.pixels is not None
@@ -99,7 +99,7 @@ def _number(value: float | None, digits: int) -> str:
     return "<td></td>" if value is None else f'<td data-value="{value}">{value:.{digits}f}</td>'
 
 
-def _findings(row: Row) -> str:
+def _findings(row: CaptureRow) -> str:
     """How many, in colours, and what they say; in place of them that it failed, and why."""
     if row.state == "failed":
         told = f'<details><summary><span class="failed">failed</span></summary>{escape(row.failure)}</details>'

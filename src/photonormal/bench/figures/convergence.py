@@ -18,7 +18,7 @@ ADVICE = "give a folder of training"
 Degrees = Annotated[float, Meta(ge=0, le=180)]
 
 
-class Entry(TypedDict):
+class JournalLine(TypedDict):
     """What every line of a journal has, besides figures by name."""
 
     step: Whole
@@ -76,7 +76,7 @@ def read_journal(folder: Path) -> dict[str, list[tuple[int, float]]]:
     for i, line in enumerate(read_bytes(path, ADVICE, LONGEST).splitlines()):
         if line.strip():
             what = f"{path}, line {i + 1}"
-            entry = decoded(line, Entry, what, ADVICE)
+            entry = decoded(line, JournalLine, what, ADVICE)
             name = PANELS.get(entry["kind"], ("", ""))[0]
             value = decoded(line, dict[str, float | Word | None], what, ADVICE).get(name)
             if value is not None:  # null where it was no number

@@ -23,7 +23,7 @@ MARGIN = 3  # pixels around the object
 
 
 @dataclass(frozen=True)
-class Shown:
+class FigureObject:
     """One object of a figure: its truth and its predictions from all images, by method."""
 
     name: str
@@ -97,7 +97,7 @@ def normals_picture(normals: Normals) -> np.ndarray:
     return picture
 
 
-def chosen(wish: Wish, count: int = METHODS) -> tuple[list[Shown], list[str]]:
+def chosen(wish: Wish, count: int = METHODS) -> tuple[list[FigureObject], list[str]]:
     """Objects and methods to show: those named, else the first objects and the methods of least error."""
     dataset = dataset_of(wish)
     found = [s for s in all_scored(wish.runs, wish.methods, [dataset]) if s.prediction.protocol == "all"]
@@ -112,7 +112,7 @@ def chosen(wish: Wish, count: int = METHODS) -> tuple[list[Shown], list[str]]:
     shown = []
     for name in names:
         mine = {s.prediction.label: s for s in found if s.prediction.object == name}
-        shown.append(Shown(name, read_truth(truth_path(wish.runs, dataset, name)), mine))
+        shown.append(FigureObject(name, read_truth(truth_path(wish.runs, dataset, name)), mine))
     return shown, labels
 
 

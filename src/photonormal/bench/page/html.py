@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 
 from photonormal.bench.formats import beside, costs, heading, notes, published_rows, shortfall
-from photonormal.bench.tables import ErrorTable, Row
+from photonormal.bench.tables import ErrorTable, MethodRow
 
 
 def tables_html(tables: Sequence[ErrorTable]) -> str:
@@ -40,7 +40,7 @@ def _section(table: ErrorTable) -> str:
     return "\n".join(parts)
 
 
-def _cells(row: Row, table: ErrorTable) -> list[str]:
+def _cells(row: MethodRow, table: ErrorTable) -> list[str]:
     found = [_th(row.label)]
     for column in table.columns:
         cell = row.cells.get(column.name)

@@ -71,7 +71,7 @@ class Far(nn.Module):
         return x + F.interpolate(self.last(y), scale_factor=2, mode="bilinear")
 
 
-class Coarse(nn.Module):
+class QuarterView(nn.Module):
     """What is seen at a quarter of the resolution, and with `far` blocks at an eighth: see `steps`."""
 
     def __init__(self, width: int, layers: int, far: int, level: nn.Module) -> None:

@@ -18,7 +18,7 @@ from photonormal.methods.learned.processor import exactly, of_rows
 TOKENS = 16  # numbers per image and pixel, see `tokens`
 
 
-class Frame(NamedTuple):
+class PriorFrame(NamedTuple):
     """Where each pixel's prior points; each (b, h, w)."""
 
     c: Tensor  # cosine and sine of the angle that is turned away
@@ -28,7 +28,7 @@ class Frame(NamedTuple):
     z: Tensor
 
     @staticmethod
-    def of(prior: Float[Tensor, "b 3 h w"]) -> Frame:
+    def of(prior: Float[Tensor, "b 3 h w"]) -> PriorFrame:
         """Of normals; what is zero faces the camera."""
         known = prior.square().sum(1, keepdim=True) > 0.25
         x, y, z = torch.where(known, prior, prior.new_tensor([0.0, 0.0, 1.0])[:, None, None]).float().unbind(1)
@@ -37,22 +37,22 @@ class Frame(NamedTuple):
         c, s = torch.where(r > 1e-6, x / r, 1.0), torch.where(r > 1e-6, y / r, 0.0)
         x, y = c * x + s * y, c * y - s * x
         length = torch.sqrt(x * x + y * y + z * z)
-        return Frame(c, s, x / length, y / length, z / length)
+        return PriorFrame(c, s, x / length, y / length, z / length)
 
     def in_picture(self, x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
         """x and y (b, h, w) in the picture's axes."""
         return self.c * x - self.s * y, self.s * x + self.c * y
 
 
-class Shared(NamedTuple):
+class SharedFrame(NamedTuple):
     """What all images of a pixel share."""
 
-    frame: Frame
+    frame: PriorFrame
     shading: Tensor | None  # (b, h, w) root mean square of max(n.l, 0) of the prior over all lights
     recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
 
 
-def cosines(lights: Float[Tensor, "b k 3 *hw"], frame: Frame) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
+def cosines(lights: Float[Tensor, "b k 3 *hw"], frame: PriorFrame) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
     """Each pixel's turned lights, x, y, z of (b, h, w, k), and their cosines with the prior (b, h, w, k)."""
     c, s, nx, ny, nz = (v[..., None] for v in frame)
     x, y, z = at_pixels(lights).float().permute(2, 0, 3, 4, 1)  # (b, 1 or h, 1 or w, k)
@@ -60,7 +60,7 @@ def cosines(lights: Float[Tensor, "b k 3 *hw"], frame: Frame) -> tuple[tuple[Ten
     return (x, y, z), nx * x + ny * y + nz * z
 
 
-def shading(lights: Float[Tensor, "b n 3 *hw"], frame: Frame) -> Float[Tensor, "b h w"]:
+def shading(lights: Float[Tensor, "b n 3 *hw"], frame: PriorFrame) -> Float[Tensor, "b h w"]:
     """Root mean square of max(n.l, 0) of the prior, at least 0.05."""
     total, N = torch.zeros_like(frame.z), torch.stack([*frame.in_picture(frame.x, frame.y), frame.z], dim=-1)
     with exactly(N.device):
@@ -74,7 +74,7 @@ def shading(lights: Float[Tensor, "b n 3 *hw"], frame: Frame) -> Float[Tensor, "
 
 
 def tokens(
-    I: Float[Tensor, "b k h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Shared
+    I: Float[Tensor, "b k h w"], lights: Float[Tensor, "b k 3 *hw"], shared: SharedFrame
 ) -> Float[Tensor, "16 b h w k"]:
     """What is known of an image at a pixel, in the pixel's frame.
 

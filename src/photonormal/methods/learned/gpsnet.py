@@ -51,7 +51,7 @@ class GPSNet(PixelNetwork):
         super().__init__()
         self.config = config
         self.graph = Filters(config.filters, config.order)
-        self.regressor = Regressor(2 * config.filters, config.width)
+        self.regressor = BranchedRegressor(2 * config.filters, config.width)
         kaiming(self.regressor)
 
     def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> None:
@@ -96,7 +96,7 @@ class Filters(nn.Module):
         return self.V((T[..., None] * x[..., None, :]).flatten(2))
 
 
-class Regressor(nn.Sequential):
+class BranchedRegressor(nn.Sequential):
     """1 x 1 layers; then one branch that looks around and one that does not; both give the normal."""
 
     def __init__(self, inputs: int, width: int) -> None:

@@ -81,7 +81,7 @@ class Branch(nn.Module):
         return features
 
 
-class Shared(NamedTuple):
+class SharedPrior(NamedTuple):
     """What all images share."""
 
     prior: Tensor  # (b, 3, h, w)
@@ -110,10 +110,10 @@ class LambertianPriorNet(Network):
         self.regressor = Regressor(8 * w if self.two else 4 * w, w, config.concat if config.prior else 0)
         kaiming(self)
 
-    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Shared:
+    def begin(self, prior: Float[Tensor, "b 3 h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> SharedPrior:
         if self.prior is None:
-            return Shared(prior, None)
-        return Shared(prior, self.prior.scales[0](prior) if self.config.exchange else self.prior(prior)[-1])
+            return SharedPrior(prior, None)
+        return SharedPrior(prior, self.prior.scales[0](prior) if self.config.exchange else self.prior(prior)[-1])
 
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         b, k, _, h, w = images.shape

@@ -18,8 +18,8 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from photonormal.methods.contract import Observations
-from photonormal.methods.learned.around import Coarse, Level, Refine, begun, joined, starting_at
-from photonormal.methods.learned.frame import Encoder, Frame, Shared, shading, tokens
+from photonormal.methods.learned.around import Level, QuarterView, Refine, begun, joined, starting_at
+from photonormal.methods.learned.frame import Encoder, PriorFrame, SharedFrame, shading, tokens
 from photonormal.methods.learned.layers import SLOPE, Block, conv, unit
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import PixelNetwork, Step
@@ -94,7 +94,7 @@ class NormalNet(PixelNetwork):
         self.level = Level() if c.level else nn.Identity()
         self.spatial = nn.Sequential(*[conv(c.width, c.width) for _ in range(c.layers)])
         self.correction = starting_at(SMALL, nn.Conv2d(c.width, 3, 3, padding=1))
-        self.coarse = Coarse(c.width, c.coarse, c.far, self.level) if c.coarse else None
+        self.coarse = QuarterView(c.width, c.coarse, c.far, self.level) if c.coarse else None
         self.finish = Refine(c.width, self.level) if c.far else None
         if c.compass:
             last = starting_at(SMALL, nn.Conv2d(POLISH, 3, 3, padding=1))
@@ -120,13 +120,13 @@ class NormalNet(PixelNetwork):
         for weight, std in begun(self):
             nn.init.normal_(weight, std=std) if std else nn.init.zeros_(weight)
 
-    def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> Shared:
-        frame, memory = Frame.of(prior[:, :3]), prior[:, 3:]
+    def begin(self, prior: Float[Tensor, "b c h w"], lights: Float[Tensor, "b n 3 *hw"] | None) -> SharedFrame:
+        frame, memory = PriorFrame.of(prior[:, :3]), prior[:, 3:]
         if lights is None:
-            return Shared(frame, None)
+            return SharedFrame(frame, None)
         with exactly(prior.device):
             recalled = self.recall(memory.permute(0, 2, 3, 1)) if memory.shape[1] else None
-        return Shared(frame, shading(lights, frame), recalled)
+        return SharedFrame(frame, shading(lights, frame), recalled)
 
     def encode(self, images: Float[Tensor, "b k c h w"], lights: Float[Tensor, "b k 3 *hw"], shared: Any) -> Pooled:
         features = self.encoder.read(tokens(images[:, :, 0], lights, shared), shared.recalled)  # (b h w, k, features)
@@ -152,7 +152,7 @@ class NormalNet(PixelNetwork):
             heeded = of_rows(self.heed, means.flatten(-2).to(mean.dtype))
         return self.fuse.together(x, heeded)
 
-    def maps(self, digested: Float[Tensor, "b h w c"], shared: Shared) -> dict[str, Tensor]:
+    def maps(self, digested: Float[Tensor, "b h w c"], shared: SharedFrame) -> dict[str, Tensor]:
         frame = torch.stack(shared.frame, dim=1)  # (b, 5, h, w)
         return {"digested": digested.permute(0, 3, 1, 2), "frame": frame}  # channels last in memory
 
@@ -176,7 +176,7 @@ class NormalNet(PixelNetwork):
 
     def tell(self, x: Float[Tensor, "b c h w"], known: Float[Tensor, "b 5 h w"], n: int) -> Float[Tensor, "b d h w"]:
         """From what was seen around to unit normals, memory and expected errors."""
-        frame = Frame(*known.unbind(1))
+        frame = PriorFrame(*known.unbind(1))
         if self.finish is not None:
             x = self.finish(x)
         x = self.level(x)

@@ -18,7 +18,7 @@ from torch import Tensor
 from photonormal.calibration.intensities import linear_intensities
 from photonormal.methods.contract import Observations
 from photonormal.methods.uncalibrated.rounds import albedo, normals_under
-from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.resources import by_one_thread
 from photonormal.shading import cosines, normalised
 
@@ -44,11 +44,11 @@ def brightened(seen: Observations) -> Float[Tensor, " n"]:
     """
     L = seen.lights.float()
     assert seen.mask is not None
-    shown = Shown(seen.I, seen.keep, seen.mask, seen.I.mean(0)[:, None])
+    shown = ShownPixels(seen.I, seen.keep, seen.mask, seen.I.mean(0)[:, None])
     return (off(shown, L) if len(L) >= LEAST else torch.zeros(len(L))).exp()
 
 
-def off(shown: Shown, L: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
+def off(shown: ShownPixels, L: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
     """Logarithms of the lights' factors, 0 where they are not clear."""
     none = torch.zeros(len(L))
     told = shown.keep.sum(1) > 3
@@ -56,25 +56,25 @@ def off(shown: Shown, L: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
         return none
     linear = linear_intensities(shown.I[told].double().numpy(), L.double().numpy())
     log_e, other = (settled(shown, L, start) for start in (none, torch.from_numpy(linear).float().log()))
-    if Fit.of(shown, L, other).misfit < OTHER * Fit.of(shown, L, log_e).misfit:
+    if FactorResidual.of(shown, L, other).misfit < OTHER * FactorResidual.of(shown, L, log_e).misfit:
         log_e = other  # lights beside each other that are off alike explain each other, by wrong normals
     log_e = log_e - log_e.median()
     clear = log_e.abs() > max(OFF, SPREADS * 1.4826 * float(log_e.abs().median()))
     if not clear.any() or clear.float().mean() > SHARE or log_e.abs().max() > MOST:
         return none
-    log_e = torch.where(clear, Fit.of(shown, L, none, ~clear).told, 0)
-    after = Fit.of(shown, L, log_e, ~clear)
-    if after.misfit > min(MATT, BETTER * Fit.of(shown, L, none).misfit):
+    log_e = torch.where(clear, FactorResidual.of(shown, L, none, ~clear).told, 0)
+    after = FactorResidual.of(shown, L, log_e, ~clear)
+    if after.misfit > min(MATT, BETTER * FactorResidual.of(shown, L, none).misfit):
         return none
     for j in clear.nonzero()[:, 0].tolist():
         clear[j] = after.shares(j, float(log_e[j]), shown)
     return torch.where(clear, log_e, 0)
 
 
-def settled(shown: Shown, L: Float[Tensor, "n 3"], log_e: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+def settled(shown: ShownPixels, L: Float[Tensor, "n 3"], log_e: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
     """Factors and normals that agree, from these factors on."""
     for _ in range(ROUNDS):
-        change = Fit.of(shown, L, log_e).told
+        change = FactorResidual.of(shown, L, log_e).told
         change = change - change.median()
         log_e = log_e + change
         if change.abs().max() < AGREE:
@@ -83,7 +83,7 @@ def settled(shown: Shown, L: Float[Tensor, "n 3"], log_e: Float[Tensor, " n"]) -
 
 
 @dataclass(frozen=True)
-class Fit:
+class FactorResidual:
     """What shading leaves of pictures over the factors of their lights.
 
     Parameters
@@ -97,8 +97,12 @@ class Fit:
 
     @classmethod
     def of(
-        cls, shown: Shown, L: Float[Tensor, "n 3"], log_e: Float[Tensor, " n"], by: Bool[Tensor, " n"] | None = None
-    ) -> Fit:
+        cls,
+        shown: ShownPixels,
+        L: Float[Tensor, "n 3"],
+        log_e: Float[Tensor, " n"],
+        by: Bool[Tensor, " n"] | None = None,
+    ) -> FactorResidual:
         """By normals and albedo that a robust classical method finds, of all pictures or `by` those of some lights."""
         shown = shown.over(log_e.exp())
         some = shown if by is None else replace(shown, keep=shown.keep & by)
@@ -118,7 +122,7 @@ class Fit:
         """The mean of what is left."""
         return float(self.q.abs().clamp(max=STRAY).nanmean())
 
-    def shares(self, j: int, log_e: float, shown: Shown) -> bool:
+    def shares(self, j: int, log_e: float, shown: ShownPixels) -> bool:
         """Whether all parts of the object, by place and by orientation, tell much the same factor of light j."""
         tells = self.q[:, j].isfinite()
         left = self.q[tells, j]

@@ -132,7 +132,7 @@ def of_curl() -> Float[Tensor, "5 9"]:
     return D.flatten(1)
 
 
-class Curl(NamedTuple):
+class CurlResidual(NamedTuple):
     """Of q pixels: `r`, the curl that is left; `J`, what the five numbers take away; its weight; where."""
 
     J: Float[Tensor, "q 5"]
@@ -167,7 +167,7 @@ def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> FrameEvidence 
     return FrameEvidence(of_curl(), theta, torch.linalg.inv(covariance))
 
 
-def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None:
+def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> CurlResidual | None:
     """The curl of N's slopes, to first order in the map's five numbers; None where too few normals have neighbours."""
     map = on_map(N.double(), inside)
     there = map[..., 2] > STEEP
@@ -184,7 +184,7 @@ def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> Curl | None
     Y = torch.linalg.cross(b, ((above - below) / (2 * k))[whole]) / z2
     J = torch.stack([-Y[:, 0], -Y[:, 2], -X[:, 1], -X[:, 2], (Y[:, 1] - X[:, 0]) / 2], dim=1)  # (q, 5)
     size = 1e-3 + X.norm(dim=1) + Y.norm(dim=1)
-    return Curl(J, -(Y[:, 1] + X[:, 0]), 1 / size, whole)
+    return CurlResidual(J, -(Y[:, 1] + X[:, 0]), 1 / size, whole)
 
 
 def facing(N: Float[Tensor, "p 3"]) -> FrameEvidence:

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from photonormal.methods.uncalibrated.frame import BASRELIEF, PARTS, FrameEvidence, part_of
-from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.shading import cosines, normalised
 
 PIXELS = 600  # that are looked at
@@ -30,14 +30,14 @@ MOST = 0.5  # of the map, that is told at once
 ROUNDS = 4  # of reweighting
 
 
-class Compared(NamedTuple):
+class LogExcess(NamedTuple):
     """Logarithms of samples over a matt surface's (p, n), and by what they may differ (p, n, k)."""
 
     y: Float[Tensor, "p n"]
     B: Float[Tensor, "p n k"]
 
 
-def highlights(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> FrameEvidence | None:
+def highlights(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> FrameEvidence | None:
     """What E[0, 2], E[1, 2] and E[2, 2] make brightness the same function of the angle to a highlight's middle.
 
     `N` are unit normals, `s` lights with their intensities as lengths. None where too few normals are known.
@@ -71,7 +71,7 @@ def highlights(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -
     return FrameEvidence(BASRELIEF, told * (MOST / told.norm()).clamp(max=1), torch.linalg.inv(covariance))
 
 
-def compared(log: Float[Tensor, "p n"], n: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Compared:
+def compared(log: Float[Tensor, "p n"], n: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> LogExcess:
     """Samples over those of a matt surface, and what they are to follow: the angle to the halfway vector, how grazing
     the light is, and how far it is from the camera's axis."""
     l = normalised(s)
@@ -84,7 +84,7 @@ def compared(log: Float[Tensor, "p n"], n: Float[Tensor, "p 3"], s: Float[Tensor
     B = angle.new_zeros(*angle.shape, len(ends) + 1)
     B.scatter_(2, k[..., None], (1 - share)[..., None]).scatter_(2, k[..., None] + 1, share[..., None])
     B[..., -2], B[..., -1] = shading.log(), 1 - (l * halfway).sum(1)
-    return Compared(log - (s.norm(dim=1) * shading).log(), B)
+    return LogExcess(log - (s.norm(dim=1) * shading).log(), B)
 
 
 def explaining(B: Float[Tensor, "p n k"], y: Float[Tensor, "p n m"], w: Float[Tensor, "p n"]) -> Float[Tensor, "k m"]:

@@ -14,7 +14,7 @@ from photonormal.lighting import FoundLights
 from photonormal.methods.uncalibrated.frame import Believed, curl
 from photonormal.methods.uncalibrated.limits import LEAST, check
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals_under, rounds
-from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.methods.uncalibrated.untold import shape_of_lights
 from photonormal.progress import progress
 from photonormal.resources import by_one_thread
@@ -73,7 +73,7 @@ def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
     L = torch.from_numpy(capture.known_lights()).float()
     check(capture)
     with progress("lights"):
-        shown = Shown.of(capture)
+        shown = ShownPixels.of(capture)
         s, N, moved_deg = rounds(shown, L, given(L))
         halfway = False
         if unevenness(s) > UNEVEN:
@@ -95,7 +95,7 @@ def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
     return FoundLights(found, moved_deg=off_deg, notes=(HALFWAY,) * halfway + shape_of_lights(N, shown.inside))
 
 
-def bent(shown: Shown, N: Float[Tensor, "p 3"]) -> float:
+def bent(shown: ShownPixels, N: Float[Tensor, "p 3"]) -> float:
     """How clearly the curl of N's slopes speaks for other normals: the square of standard errors; 0 where it can't."""
     told = curl(N, shown.inside)
     return 0.0 if told is None else float(told.told @ told.precision @ told.told)

@@ -11,7 +11,7 @@ from photonormal.methods.classical.trimmed import Trimmed
 from photonormal.methods.uncalibrated.albedo import unshaded
 from photonormal.methods.uncalibrated.frame import Believed, curl, facing, settled
 from photonormal.methods.uncalibrated.highlights import highlights
-from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.resources import by_one_thread
 from photonormal.shading import angle_deg, cosines, normalised
 
@@ -29,7 +29,7 @@ REWEIGHTED = 6
 
 @by_one_thread()
 def rounds(
-    shown: Shown, L: Float[Tensor, "n 3"], believed: Believed, unknown: bool = False
+    shown: ShownPixels, L: Float[Tensor, "n 3"], believed: Believed, unknown: bool = False
 ) -> tuple[Tensor, Tensor, float]:
     """Lights s (n, 3) with their intensities as lengths, normals (p, 3), and the last mean change in degrees.
 
@@ -54,13 +54,13 @@ def rounds(
     return s, N, moved
 
 
-def normals_under(shown: Shown, s: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
+def normals_under(shown: ShownPixels, s: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
     """Unit normals by a robust classical method; many lights leave room for trimming."""
     method = Trimmed() if len(s) >= MANY else L1()
     return method.fit(shown.I / s.norm(dim=1), shown.keep, normalised(s))
 
 
-def albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, " p"]:
+def albedo(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, " p"]:
     """A median over each pixel's lit samples; 0 where there is none."""
     shading = cosines(N, s)  # (p, n)
     seen = shown.keep & (shading > GRAZING)
@@ -68,20 +68,20 @@ def albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Fl
     return rho.nan_to_num(0) * (N.norm(dim=1) > 0.5)
 
 
-def over_albedo(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
+def over_albedo(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> tuple[Tensor, Tensor]:
     """The samples (p, n) over their pixel's albedo, and which pixels (p, 1) have one."""
     rho = albedo(shown, N, s)[:, None]
     return torch.where(rho > 0, shown.I / torch.where(rho > 0, rho, 1), 0), rho > 0
 
 
-def misfit(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> float:
+def misfit(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> float:
     """Median over lit samples of |I / rho - n.s|: what matt shading leaves unexplained."""
     I, known = over_albedo(shown, N, s)
     off = (I - cosines(N, s).clamp(min=0)).abs()[shown.keep & known]
     return float(off.median()) if off.numel() else float("inf")
 
 
-def lights_of(shown: Shown, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+def lights_of(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
     """argmin over s_j of sum_p log(1 + (I_pj / rho_p - n_p.s_j)^2 / SPREAD^2), over lit samples, from the lights s.
 
     What no pixel tells of a light stays as it is in s: all of it, or its part along a cylinder.

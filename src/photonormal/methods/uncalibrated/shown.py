@@ -15,7 +15,7 @@ SIDE = 128  # pixels of the square that the object is reduced to
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownPixels:
     """`p` pixels of a reduced object in `n` images.
 
     Parameters
@@ -32,7 +32,7 @@ class Shown:
     colours: Float[Tensor, "n c"]
 
     @classmethod
-    def of(cls, capture: Capture) -> Shown:
+    def of(cls, capture: Capture) -> ShownPixels:
         """Those of a capture."""
         images, inside = reduced(capture, SIDE)
         I = grey(images[None])[0, :, 0][:, inside].T.contiguous()
@@ -40,6 +40,6 @@ class Shown:
         I = levels.cut_(I)
         return cls(I, levels.lit(I), inside, images[:, :, inside].mean(2))
 
-    def over(self, e: Float[Tensor, " n"]) -> Shown:
+    def over(self, e: Float[Tensor, " n"]) -> ShownPixels:
         """The same divided by the intensities of the lights."""
         return replace(self, I=self.I / e)

@@ -10,7 +10,7 @@ from photonormal.methods.uncalibrated.frame import Believed
 from photonormal.methods.uncalibrated.guess import guess
 from photonormal.methods.uncalibrated.limits import check, refuse_narrow, spread_deg
 from photonormal.methods.uncalibrated.rounds import rounds
-from photonormal.methods.uncalibrated.shown import Shown
+from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.methods.uncalibrated.untold import shape_of_lights, side_of_lights
 from photonormal.progress import progress
 from photonormal.shading import angle_deg, normalised
@@ -37,7 +37,7 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
     """
     check(capture)
     with progress("lights"):
-        shown = Shown.of(capture)
+        shown = ShownPixels.of(capture)
         refuse_unshaded(shown, capture.name)
         first = guess(load(shipped(LIGHTS), "lightsnet"), capture, device)
         start = first.lights * first.intensities[:, None]
@@ -74,13 +74,13 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
     return FoundLights(lights.numpy(), (intensities / intensities.mean()).numpy(), notes=tuple(notes))
 
 
-def tint(shown: Shown) -> float:
+def tint(shown: ShownPixels) -> float:
     """How much the colour of the images differs: the largest standard deviation of a channel's logarithm over grey."""
     log = shown.colours.clamp(min=1e-6).log()
     return float((log - log.mean(1, keepdim=True)).std(0).max())
 
 
-def refuse_unshaded(shown: Shown, name: str) -> None:
+def refuse_unshaded(shown: ShownPixels, name: str) -> None:
     """InputError where pictures differ in nothing but brightness, so that they tell neither shape nor lights."""
     values = torch.linalg.svdvals((shown.I.T @ shown.I).double()).sqrt()
     if len(shown.I) < 50 or not values[1] > SHADED * values[0]:

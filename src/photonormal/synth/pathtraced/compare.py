@@ -33,7 +33,7 @@ REACH = 1.7  # half side of the cube that holds a drawn solid
 
 
 @dataclass(frozen=True)
-class Compared:
+class BothRenderings:
     """Both renderers' images of one scene, direct light and with bounces, (n, s, s, 3), and where lights arrive.
 
     Both see the path tracer's triangles. Of a drawn solid there are the training renderer's own normals, too, marched
@@ -119,7 +119,7 @@ def compare(
     detail: float = 1.0,
     name: str | None = None,
     bounces: int = 1,
-) -> Compared:
+) -> BothRenderings:
     """Render one scene with both.
 
     Parameters
@@ -157,7 +157,7 @@ def compare(
     facing = np.einsum("hwc,nc->nhw", seen.normals, L) > 0
     pixels = torch.arange(size * size, dtype=torch.int32)[None]
     visible = distant(heights(geometry), scenes.lights, pixels, geometry.normals.flatten(2))
-    return Compared(
+    return BothRenderings(
         name or (kind if isinstance(kind, str) else "mesh"),
         L,
         mask,
@@ -232,7 +232,7 @@ def plain_coats(coats: Coats, material: np.ndarray) -> Coats:
     )
 
 
-def geometry_of(seen: tracer.Seen, behind: Float[np.ndarray, "2 s s"], camera: OrthographicCamera) -> Geometry:
+def geometry_of(seen: tracer.CameraHits, behind: Float[np.ndarray, "2 s s"], camera: OrthographicCamera) -> Geometry:
     """What the path tracer sees of a mesh, and what is behind, as the training renderer's heights."""
     z = torch.from_numpy(np.where(seen.mask, seen.points[..., 2] / camera.pixel, 0))
     below = torch.from_numpy(behind / camera.pixel)[None].float().clamp(min=NOWHERE)

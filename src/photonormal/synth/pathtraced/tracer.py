@@ -45,7 +45,7 @@ class OrthographicCamera:
 
 
 @dataclass(frozen=True)
-class Seen:
+class CameraHits:
     """What the camera meets at the pixels' centres."""
 
     mask: Bool[np.ndarray, "s s"]
@@ -84,7 +84,7 @@ def build(shapes: list[Any], camera: OrthographicCamera) -> Any:
     )
 
 
-def look(scene: Any, camera: OrthographicCamera) -> Seen:
+def look(scene: Any, camera: OrthographicCamera) -> CameraHits:
     """Mask, shading normals and points at the pixels' centres."""
     s = camera.size
     mask, normals, points = np.zeros(s * s, bool), np.zeros((s * s, 3)), np.zeros((s * s, 3))
@@ -94,7 +94,7 @@ def look(scene: Any, camera: OrthographicCamera) -> Seen:
         points[where] = np.array(si.p).T
     mask &= normals[:, 2] > 0.01
     keep = mask[:, None]
-    return Seen(
+    return CameraHits(
         mask.reshape(s, s), np.where(keep, normals, 0).reshape(s, s, 3), np.where(keep, points, 0).reshape(s, s, 3)
     )
 

@@ -35,7 +35,7 @@ from photonormal.methods.engine import on_mask
 from photonormal.methods.engine.device import torch_device
 from photonormal.methods.engine.stream import measured
 from photonormal.methods.learned.network import Network, parameters
-from photonormal.methods.learned.weights import load
+from photonormal.methods.learned.weights import load_network
 from photonormal.scoring import score
 from photonormal.synth import Stream, render
 from photonormal.synth.recipes import MIXTURES, recipe
@@ -110,7 +110,7 @@ def learned(name: str, seed: int, given: argparse.Namespace, device: torch.devic
         data=scenes(given.out, r.stream, given.windows, device),
         clock=time.process_time,
     )
-    return load(path, r.network, device)
+    return load_network(path, r.network, device)
 
 
 def folder(given: argparse.Namespace, name: str, seed: int) -> Path:

@@ -34,7 +34,7 @@ from photonormal.synth import recipe
 from photonormal.synth.lights import draw_lights
 from photonormal.synth.materials import draw_coats
 from photonormal.synth.params import rng, tensor
-from photonormal.synth.scene import Scenes, render
+from photonormal.synth.scene import Scenes, shaded
 from photonormal.synth.stream import render_block
 from photonormal.synth.trace import NOWHERE, Geometry
 from photonormal.types import Capture, Normals
@@ -166,7 +166,7 @@ def of_relief(kind: str, g: np.random.Generator, size: int, look: Look, distance
     bounce = torch.tensor([bool(g.random() < 0.5)])
     scenes = Scenes(None, coats, tensor(L), one, one, bounce, tensor(np.array([0.01 * g.random()])))  # pyright: ignore
     pixels = torch.arange(size * size)[None]
-    I = render(scenes, geometry, pixels, made, None, int(g.integers(2**31)))[0]  # (n, 3, p)
+    I = shaded(scenes, geometry, pixels, made, None, int(g.integers(2**31)))[0]  # (n, 3, p)
     I = I.permute(0, 2, 1).reshape(n, size, size, 3).numpy()
     ground = g.choice(["fills", "mask", "dark"]) if outline is not None else "fills"
     mask = drawn_mask(g, size, outline if ground == "mask" else None)

@@ -29,7 +29,7 @@ from photonormal.methods.contract import Method
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.engine.device import torch_device
 from photonormal.png import encode_png
-from photonormal.synth.sensor import corrupt, turned
+from photonormal.synth.sensor import corrupt, misaligned
 
 Captures = dict[str, pn.Capture]
 
@@ -87,7 +87,7 @@ def corrupted(capture: pn.Capture, share: float = 0.2) -> pn.Capture:
 def misled(capture: pn.Capture, sigma_deg: float = 2.0) -> pn.Capture:
     """Light directions with an error of about `sigma_deg` degrees."""
     sigma = np.array([sigma_deg / np.sqrt(2)])  # about each of two axes
-    return replace(capture, lights=turned(capture.known_lights()[None], np.random.default_rng(0), sigma)[0])
+    return replace(capture, lights=misaligned(capture.known_lights()[None], np.random.default_rng(0), sigma)[0])
 
 
 def coarse(capture: pn.Capture) -> pn.Capture:

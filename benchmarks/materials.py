@@ -31,8 +31,8 @@ from photonormal.synth.brdf.principled import PARAMETERS, Principled
 from photonormal.synth.materials import at_points, dress
 from photonormal.synth.params import rng
 from photonormal.synth.recipes import recipe
-from photonormal.synth.scene import draw_scenes, frame, heights, render
-from photonormal.synth.sensor import measured
+from photonormal.synth.scene import draw_scenes, frame, heights, shaded
+from photonormal.synth.sensor import sensed
 from photonormal.synth.shadows import distant
 from photonormal.synth.trace import visible_surface
 from photonormal.types import Capture, Materials, Normals
@@ -69,7 +69,7 @@ def rendered(seed: int) -> Scene:
         if geometry.mask.float().mean() > LEAST:
             break
     pixels = torch.arange(SIZE**2, dtype=torch.int32)[None]
-    I = render(scenes, geometry, pixels, made, None, seed).view(1, n, 3, SIZE, SIZE) * geometry.mask[:, None, None]
+    I = shaded(scenes, geometry, pixels, made, None, seed).view(1, n, 3, SIZE, SIZE) * geometry.mask[:, None, None]
     N = at_points(geometry.normals, pixels)
     visible = distant(heights(geometry), scenes.lights, pixels, N, 16)[0]  # (n, p)
     skin = dress(scenes.coats, at_points(geometry.points, pixels), None)[0].f
@@ -79,7 +79,7 @@ def rendered(seed: int) -> Scene:
     truth = replace(skin, values=skin.values[0, 0][:, on])
     shown = shows_a_highlight(truth, N[0].T[on], scenes.lights[0], visible.T[on] > 0.5)
     generator = torch.Generator().manual_seed(seed)
-    I, L = measured(I, scenes.lights, geometry.height, geometry.mask, made, g, generator)
+    I, L = sensed(I, scenes.lights, geometry.height, geometry.mask, made, g, generator)
     images = (I * geometry.mask[:, None, None])[0].permute(0, 2, 3, 1).numpy()
     normals = Normals(geometry.normals[0].permute(1, 2, 0).numpy(), mask.numpy())
     capture = Capture(images, mask.numpy(), L[0].numpy(), normals, np.ones((n, 3)), name=f"scene {seed}")

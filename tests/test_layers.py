@@ -1,6 +1,7 @@
 """Imports run one way: capture -> methods -> integration -> export; the stages meet in `types`, never each other."""
 
 import ast
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
@@ -108,3 +109,27 @@ def test_only_the_command_line_imports_the_command_line():
         if "cli" not in file.relative_to(SOURCE).parts and file.name != "__main__.py":
             above = {"cli"} if "bench" in file.relative_to(SOURCE).parts else {"cli", "bench"}
             assert not imported(file) & above, file
+
+
+TWINS = {"angle_deg", "normalised"}  # the same of NumPy's arrays and of torch's
+FRONT_DOORS = {"bench", "train"}  # which load what they stand for when they are called
+
+
+def test_a_name_means_one_thing():
+    """Classes, but those of commands, and functions that other modules import by their names."""
+    classes, functions, asked = defaultdict(set), defaultdict(set), set()
+    for path in SOURCE.rglob("*.py"):
+        tree, module = ast.parse(path.read_text()), _name(path)
+        for node in tree.body:
+            if isinstance(node, ast.ClassDef) and not module.startswith("photonormal.cli."):
+                classes[node.name].add(module)
+            if isinstance(node, ast.FunctionDef):
+                functions[node.name].add(module)
+        asked |= {(f.module, a.name) for f in ast.walk(tree) if isinstance(f, ast.ImportFrom) for a in f.names}
+    assert not {name: where for name, where in classes.items() if len(where) > 1}
+    both = {name: {m for m in where if (m, name) in asked} for name, where in functions.items()}
+    assert not {name: m for name, m in both.items() if len(m) > 1 and name not in TWINS | FRONT_DOORS}
+
+
+def _name(path: Path) -> str:
+    return ".".join(("photonormal", *path.relative_to(SOURCE).with_suffix("").parts)).removesuffix(".__init__")

@@ -12,7 +12,7 @@ from photonormal import stored
 from photonormal.files import memory
 from photonormal.files.opening import read_npz
 from photonormal.options import Whole
-from photonormal.stored import Name, read_bytes, read_json
+from photonormal.stored import Name, read_json, stored_bytes
 from photonormal.types import InputError
 
 KIND = dict[str, Whole]
@@ -60,7 +60,7 @@ def test_only_regular_files_of_bounded_size_are_read(tmp_path):
         ("absent", "No such file"),
     ):
         with pytest.raises(InputError, match=says):
-            read_bytes(tmp_path / name, "give another", 99)
+            stored_bytes(tmp_path / name, "give another", 99)
 
 
 def npz(**members):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from photonormal.doctor import check as findings_of
+from photonormal.doctor import findings_of
 from photonormal.doctor.finding import Finding
 from photonormal.lighting import FoundLights
 from photonormal.progress import progress
@@ -14,7 +14,7 @@ from photonormal.types import Capture
 def check(capture: Capture, told: FoundLights | None = None) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 
-    What `photonormal.doctor.check` finds, and lights that the photographs speak against.
+    What `photonormal.doctor.findings_of` finds, and lights that the photographs speak against.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from photonormal.capture import UNKNOWN, files_read, lights_from, load, place_of, told
+from photonormal.capture import UNKNOWN, files_read, lights_from, load, place_of, reading_told
 from photonormal.export.folder import whole_folder
 from photonormal.export.mesh import FACES
 from photonormal.export.result import write_result
@@ -215,7 +215,7 @@ def carry_out(
                 for name, data in (extra.files | dict(beside(result))).items():
                     folder.write(name, data)
                 result.report["warnings"] += extra.notes
-                about = told(job.capture, reading, capture) | {PROVENANCE: job.provenance(opened)}
+                about = reading_told(job.capture, reading, capture) | {PROVENANCE: job.provenance(opened)}
                 return write_result(
                     result,
                     folder,

@@ -164,7 +164,7 @@ def _lights_from(lights: LightsFrom, solver: Method, capture: Capture, method: s
             raise InputError(f"{method} finds the lights itself; leave --refine-lights out, or choose another method.")
         lights = "given"  # it looks at none
     if lights == "given":
-        from photonormal.methods.engine import check as check_needs
+        from photonormal.methods.engine import check_needs
 
         check_needs(solver, capture)
         if materials and capture.lights is None and not solver.needs.finds_lights:

@@ -38,7 +38,7 @@ LightsFrom = Annotated[Literal["given", "refined", "unknown"], Meta(description=
 Precision = Annotated[Literal["auto", "float32", "bf16"], Meta(description="auto, float32 or bf16")]
 
 
-def check(options: Any, called: Callable[[str], str]) -> None:
+def check_fields(options: Any, called: Callable[[str], str]) -> None:
     """Every field of a dataclass against its kind, those of dataclasses in it, too.
 
     Parameters
@@ -54,7 +54,7 @@ def check(options: Any, called: Callable[[str], str]) -> None:
     for field in dataclasses.fields(options):
         value = getattr(options, field.name)
         if dataclasses.is_dataclass(value):
-            check(value, called)
+            check_fields(value, called)
         else:
             check_value(value, kinds[field.name], called(field.name))
 

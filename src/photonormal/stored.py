@@ -42,10 +42,10 @@ def converted(value: Any, kind: type[T], what: object, advice: str) -> T:
 
 def read_json(path: Path, kind: type[T], advice: str) -> T:
     """A JSON file of a kind; InputError where it is anything else."""
-    return decoded(read_bytes(path, advice, LONGEST), kind, path, advice)
+    return decoded(stored_bytes(path, advice, LONGEST), kind, path, advice)
 
 
-def read_bytes(path: Path, advice: str, longest: int) -> bytes:
+def stored_bytes(path: Path, advice: str, longest: int) -> bytes:
     """A regular file of at most `longest` bytes."""
     try:
         with open_file(path) as file:

@@ -27,7 +27,7 @@ def here(monkeypatch):
             begun(named.name, "here")
             yield work(named)
 
-    monkeypatch.setattr(workers, "run", run)
+    monkeypatch.setattr(workers, "work_through", run)
     monkeypatch.setattr(workers, "begin_loading", lambda: None)
 
 

@@ -184,7 +184,7 @@ def test_what_another_batch_has_made_since_is_not_made_again(season, tmp_path, b
         for named in waiting:
             yield [work(named), work(named)][1]
 
-    monkeypatch.setattr(workers, "run", run)
+    monkeypatch.setattr(workers, "work_through", run)
     monkeypatch.setattr(workers, "begin_loading", lambda: None)
     written = []
     monkeypatch.setattr("photonormal.job.write_result", lambda *a, **k: written.append(1) or write_result(*a, **k))
@@ -217,7 +217,7 @@ def test_the_summary_tells_what_another_batch_has_measured_since(season, tmp_pat
             yield work(named)
         work(replace(waiting[0], job=replace(waiting[0].job, out=tmp_path / "results" / "of another")))
 
-    monkeypatch.setattr(workers, "run", run)
+    monkeypatch.setattr(workers, "work_through", run)
     assert batch()[0] == 0 and rows(tmp_path / "results")["of another"]["state"] == "done"
 
 

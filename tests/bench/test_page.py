@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 import pytest
 
-from photonormal.bench.page import report
+from photonormal.bench.page import write_page
 from photonormal.bench.store import read_truth
 from photonormal.bench.tables import tables
 from photonormal.export import load_normals
@@ -73,7 +73,7 @@ def acting(page, script):
 
 @pytest.fixture(scope="module")
 def page(runs, tmp_path_factory):
-    return report(runs, tmp_path_factory.mktemp("page") / "report.html")
+    return write_page(runs, tmp_path_factory.mktemp("page") / "report.html")
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def evil(runs, tmp_path_factory):
             truth = folder / "truth" / "diligent" / f"{name}.npz"
             truth.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(folder / "truth" / "diligent" / "ball.npz", truth)
-    return report(folder, folder / "report.html").read_text()
+    return write_page(folder, folder / "report.html").read_text()
 
 
 def test_names_are_text(evil):

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import minimize
 
 from photonormal.calibration.circle import Circle, SphereError
-from photonormal.calibration.highlight import check_number, check_sizes, darkest, looked_for
+from photonormal.calibration.highlight import check_number, check_sizes, darkest_channel, looked_for
 from photonormal.calibration.mirror import directions, nearest_point, sphere_centre
 from photonormal.calibration.sphere import Sphere
 from photonormal.geometry import angle_deg, normalised
@@ -108,7 +108,7 @@ def test_a_bright_table_in_the_sphere_is_no_highlight():
 def test_the_highlight_on_a_red_ball_is_seen_in_its_darkest_channel():
     white = photograph([(140.0, 100.0, 3.0)], sphere=0.0) / np.float32(255)
     red = np.stack([np.maximum(white, 0.8), white, white], axis=-1)
-    spot = in_picture(darkest(red))
+    spot = in_picture(darkest_channel(red))
     assert np.hypot(spot.x - 140, spot.y - 100) < 0.2
 
 
@@ -135,7 +135,7 @@ def test_a_reflection_that_glare_has_spread_is_left_out():
 
 def test_a_channel_that_no_lamp_lights_is_not_asked():
     red = np.stack([photograph([(140.0, 100.0, 3.0)]), np.zeros(SHAPE), np.zeros(SHAPE)], axis=-1) / 255
-    assert darkest(red).max() == red.max()
+    assert darkest_channel(red).max() == red.max()
 
 
 def test_directions_obey_the_law_of_reflection():

@@ -8,7 +8,7 @@ import pytest
 import photonormal as pn
 from photonormal.capture.exif import read_exif
 from photonormal.cli import main
-from photonormal.doctor import check
+from photonormal.doctor import findings_of
 from photonormal.srgb import to_linear
 from tests.capture.embedding import ADOBE, SRGB, curv, exif, profile, write_with
 from tests.capture.files import LIGHTS, refusal, samples
@@ -168,18 +168,18 @@ def matt(path, dtype: type, encoded: bool, **embedded):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_what_fits_better_linearised_is_told_unless_it_was(tmp_path, dtype):
     silent, said, linear = (tmp_path / name for name in ("silent", "said", "linear"))
-    found = check(pn.load(matt(silent, dtype, True)))
+    found = findings_of(pn.load(matt(silent, dtype, True)))
     assert [f.kind for f in found if f.grave] == ["encoding"] and "--srgb" in found[0].message
-    assert not [f for f in check(pn.load(matt(said, dtype, True, profile=GAMMA))) if f.grave]
-    assert not [f for f in check(pn.load(matt(linear, dtype, False))) if f.grave]
+    assert not [f for f in findings_of(pn.load(matt(said, dtype, True, profile=GAMMA))) if f.grave]
+    assert not [f for f in findings_of(pn.load(matt(linear, dtype, False))) if f.grave]
 
 
 def test_what_fits_better_as_it_was_is_told(tmp_path):
     """Editors write sRGB's profile into linear pictures, too."""
     matt(tmp_path, np.uint16, False, profile=GAMMA)
-    found = check(pn.load(tmp_path))
+    found = findings_of(pn.load(tmp_path))
     assert [f.kind for f in found if f.grave] == ["encoding"] and "--linear" in found[0].message
-    assert not [f for f in check(pn.load(tmp_path, linear=True)) if f.grave]
+    assert not [f for f in findings_of(pn.load(tmp_path, linear=True)) if f.grave]
 
 
 def test_the_report_says_what_was_assumed(tmp_path, capsys):

@@ -114,10 +114,10 @@ def test_luces_needs_its_pictures(tmp_path):
 
 
 def test_the_doctor_does_not_take_fall_off_for_wrong_intensities(tmp_path):
-    from photonormal.doctor import check
+    from photonormal.doctor import findings_of
 
     luces(tmp_path)
-    assert not [f for f in check(load(tmp_path)) if f.grave]
+    assert not [f for f in findings_of(load(tmp_path)) if f.grave]
 
 
 def test_measured_on_the_command_line(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from photonormal import load
-from photonormal.capture.blobby import samples as blobby_samples
+from photonormal.capture.blobby import listed_samples as blobby_samples
 from tests.capture.files import LIGHTS, MASK, box, refusal, samples, write_picture
 
 TRUTH = np.zeros((24, 30, 3))

@@ -8,7 +8,7 @@ import pytest
 
 import photonormal as pn
 from photonormal.cli import main
-from photonormal.doctor import check
+from photonormal.doctor import findings_of
 from photonormal.doctor.coverage import coverage, polar_plot
 from photonormal.doctor.frame import NormalsFrame
 from photonormal.doctor.order import simple_orders
@@ -45,16 +45,16 @@ def right() -> Capture:
 
 
 def kinds(capture: Capture) -> set[str]:
-    return {f.kind for f in check(capture)}
+    return {f.kind for f in findings_of(capture)}
 
 
 def test_a_right_capture_is_left_alone(right):
-    assert check(right) == []
+    assert findings_of(right) == []
 
 
 def test_an_inverted_mask_is_told_and_nothing_else_is_judged(right):
     ground = replace(right, images=np.asarray(right.images) + 0.004, mask=~right.mask, truth=None)
-    found = check(ground)
+    found = findings_of(ground)
     assert [f.kind for f in found] == ["mask"] and found[0].grave and "invert" in found[0].message
 
 
@@ -65,7 +65,7 @@ def test_a_dark_object_on_a_bright_ground_is_no_inverted_mask(right):
 
 @pytest.mark.parametrize(("flip", "frame"), [([1, -1, 1], "directx"), ([1, 1, -1], "z-away"), ([1, -1, -1], "y-down")])
 def test_a_frame_that_has_a_name_is_named(right, flip, frame):
-    found = [f for f in check(replace(right, lights=right.lights * flip)) if f.kind == "frame"]
+    found = [f for f in findings_of(replace(right, lights=right.lights * flip)) if f.kind == "frame"]
     assert f"--frame {frame} in place of opengl" in found[0].message
 
 
@@ -80,7 +80,7 @@ def test_a_frame_that_has_a_name_is_named(right, flip, frame):
     ],
 )
 def test_a_wrong_order_is_named_and_corrected(right, lights, says):
-    found = [f for f in check(replace(right, lights=lights)) if f.kind == "order"]
+    found = [f for f in findings_of(replace(right, lights=lights)) if f.kind == "order"]
     assert len(found) == 1 and found[0].grave and says in found[0].message, found
     assert angle_deg(found[0].lights, LIGHTS).max() < 1e-3
 
@@ -97,19 +97,19 @@ def test_a_wrong_order_is_named_and_corrected(right, lights, says):
     ],
 )
 def test_a_wrong_frame_is_named_and_corrected(right, change, says):
-    found = [f for f in check(replace(right, lights=LIGHTS @ change.T)) if f.kind == "frame"]
+    found = [f for f in findings_of(replace(right, lights=LIGHTS @ change.T)) if f.kind == "frame"]
     assert len(found) == 1 and found[0].grave and says in found[0].message, found
     assert angle_deg(found[0].lights, LIGHTS).max() < 1e-3
 
 
 def test_the_lights_of_another_dome_are_told_and_not_corrected(right):
     others = normalised(np.random.default_rng(6).uniform(-1, 1, (len(LIGHTS), 3)) * [1, 1, 0] + [0, 0, 1])
-    (found,) = [f for f in check(replace(right, lights=others)) if f.kind == "order"]
+    (found,) = [f for f in findings_of(replace(right, lights=others)) if f.kind == "order"]
     assert found.grave and found.lights is None and "don't belong to these pictures" in found.message
 
 
 def test_a_wrong_order_in_a_wrong_frame_is_corrected(right):
-    (found,) = [f for f in check(replace(right, lights=(LIGHTS * [1, -1, 1])[::-1])) if f.kind == "order"]
+    (found,) = [f for f in findings_of(replace(right, lights=(LIGHTS * [1, -1, 1])[::-1])) if f.kind == "order"]
     assert "the reversed order fits, and y is flipped" in found.message
     assert angle_deg(found.lights, LIGHTS).max() < 1e-3
 
@@ -117,13 +117,13 @@ def test_a_wrong_order_in_a_wrong_frame_is_corrected(right):
 def test_saturation_names_the_pictures(right):
     images = np.array(right.images)
     images[3] *= 3
-    found = check(replace(right, images=images.clip(0, 1), saturation=np.ones((len(LIGHTS), 1))))
+    found = findings_of(replace(right, images=images.clip(0, 1), saturation=np.ones((len(LIGHTS), 1))))
     assert [f.numbers["pictures"] for f in found if f.kind == "saturation"] == [["IMG_4.png"]]
 
 
 def test_white_samples_are_no_other_light(right):
     images = (2.2 * np.asarray(right.images)).clip(0, 1)
-    found = check(replace(right, images=images, saturation=np.ones((len(LIGHTS), 1))))
+    found = findings_of(replace(right, images=images, saturation=np.ones((len(LIGHTS), 1))))
     assert [f.kind for f in found] == ["saturation"] and found[0].grave
 
 
@@ -136,14 +136,14 @@ def test_a_black_ground_is_not_what_lies_in_the_dark(right):
 def test_a_lamp_that_was_off_is_named(right):
     images = np.array(right.images)
     images[5] = 0.001
-    (found,) = [f for f in check(replace(right, images=images)) if f.kind == "darkness"]
+    (found,) = [f for f in findings_of(replace(right, images=images)) if f.kind == "darkness"]
     assert found.grave and found.numbers["pictures"] == ["IMG_6.png"]
 
 
 def test_a_light_of_another_intensity_is_named_with_its_factor(right):
     images = np.array(right.images)
     images[9] *= 1.5
-    (found,) = [f for f in check(replace(right, images=images)) if f.kind == "intensities"]
+    (found,) = [f for f in findings_of(replace(right, images=images)) if f.kind == "intensities"]
     assert "IMG_10.png x 1.5" in found.message and not found.grave
 
 
@@ -151,21 +151,23 @@ def test_a_lamp_that_was_off_while_other_light_was_on_is_grave(right):
     images = np.array(right.images)
     images[5] = 0
     images += 0.1 * images.mean(0)
-    (found,) = [f for f in check(replace(right, images=images)) if f.kind == "intensities"]
+    (found,) = [f for f in findings_of(replace(right, images=images)) if f.kind == "intensities"]
     assert found.grave and "IMG_6.png x 0.0" in found.message and "lamp off" in found.message
 
 
 def test_ambient_light_is_measured():
     low = noisy(lambertian(bumps(), dome(14, 80.0)))  # lights that leave much in attached shadow
     assert "ambient" not in kinds(low)
-    (found,) = [f for f in check(replace(low, images=np.asarray(low.images) + np.float32(0.1))) if f.kind == "ambient"]
+    (found,) = [
+        f for f in findings_of(replace(low, images=np.asarray(low.images) + np.float32(0.1))) if f.kind == "ambient"
+    ]
     assert found.grave and found.numbers["ambient_level"] == pytest.approx(0.1 / 0.7, rel=0.15)
 
 
 def test_a_moved_camera_is_found_with_its_shift(right):
     images = np.array(right.images)
     images[2] = np.roll(images[2], (3, -4), axis=(0, 1))
-    (found,) = [f for f in check(replace(right, images=images)) if f.kind == "motion"]
+    (found,) = [f for f in findings_of(replace(right, images=images)) if f.kind == "motion"]
     shifts = found.numbers["shifts_px"]
     assert list(shifts) == ["IMG_3.png"] and np.abs(np.array(shifts["IMG_3.png"]) - [-4, 3]).max() < 1
 
@@ -182,13 +184,15 @@ def written(tmp_path, capture, values) -> Capture:
 
 
 def test_dim_eight_bit_pictures_are_told(right, tmp_path):
-    found = [f for f in check(written(tmp_path, right, lambda x: np.rint(12 * x).astype(np.uint8))) if f.kind == "bits"]
+    found = [
+        f for f in findings_of(written(tmp_path, right, lambda x: np.rint(12 * x).astype(np.uint8))) if f.kind == "bits"
+    ]
     assert len(found) == 1 and "below level" in found[0].message and "16-bit" in found[0].message
 
 
 def test_sixteen_bit_files_of_eight_bits_are_told(right, tmp_path):
     capture = written(tmp_path, right, lambda x: np.rint(9 * x).astype(np.uint16) * np.uint16(257))
-    assert ["16-bit files hold 8-bit samples" in f.message for f in check(capture) if f.kind == "bits"] == [True]
+    assert ["16-bit files hold 8-bit samples" in f.message for f in findings_of(capture) if f.kind == "bits"] == [True]
 
 
 def test_srgb_pictures_are_told_and_linear_ones_are_not(right, tmp_path):
@@ -202,7 +206,7 @@ def test_srgb_pictures_are_told_and_linear_ones_are_not(right, tmp_path):
 def test_without_a_mask_what_stands_out_of_its_ground_is_judged_but_no_patch_of_it(right):
     """What the frame cuts off more than it fills the frame is painted brighter, or shines."""
     everything = np.ones(right.mask.shape, bool)
-    (found,) = check(replace(right, mask=everything))
+    (found,) = findings_of(replace(right, mask=everything))
     assert found.kind == "mask" and not found.grave and "photonormal mask" in found.message
     corner = np.zeros_like(np.asarray(right.images))
     corner[:, 45:, 45:] = np.asarray(right.images)[:, 20:47, 20:47]
@@ -269,10 +273,10 @@ def test_the_command_writes_a_report_a_plot_and_corrected_lights(right, tmp_path
 def test_real_captures_given_wrong_lights(data, name):
     capture = pn.load(data / "diligent" / "pmsData" / f"{name}PNG")
     L = capture.lights
-    assert not [f for f in check(capture) if f.grave]
+    assert not [f for f in findings_of(capture) if f.grave]
     n = len(L)
     for lights in (L[np.random.default_rng(1).permutation(n)], L * [1, -1, 1]):
-        fixed = [f.lights for f in check(replace(capture, lights=lights)) if f.kind in ("order", "frame")]
+        fixed = [f.lights for f in findings_of(replace(capture, lights=lights)) if f.kind in ("order", "frame")]
         assert len(fixed) == 1 and np.quantile(angle_deg(fixed[0], L), 0.9) < 3
 
 
@@ -280,6 +284,6 @@ def test_real_captures_given_wrong_lights(data, name):
 def test_pictures_that_show_nothing_are_judged_without_an_error(right, level):
     """All dark, all white, or below zero; also where a single lamp was lit."""
     images = np.full((len(LIGHTS), 48, 48, 1), level, np.float32)
-    check(Capture(images, np.ones((48, 48), bool), LIGHTS))
+    findings_of(Capture(images, np.ones((48, 48), bool), LIGHTS))
     images[1:] = 0
-    check(Capture(images, np.ones((48, 48), bool), LIGHTS))
+    findings_of(Capture(images, np.ones((48, 48), bool), LIGHTS))

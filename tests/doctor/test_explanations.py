@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from photonormal.doctor import check, samples
+from photonormal.doctor import findings_of, samples
 from photonormal.doctor.explanations import explanation, raised
 from photonormal.doctor.given import Distant
 from photonormal.geometry import angle_deg, normalised
@@ -23,7 +23,7 @@ def right() -> Capture:
 
 
 def told(capture: Capture) -> list:
-    return [f for f in check(capture) if f.kind in ("ambient", "encoding", "near", "halfway", "contrast")]
+    return [f for f in findings_of(capture) if f.kind in ("ambient", "encoding", "near", "halfway", "contrast")]
 
 
 def changed(capture: Capture, images: np.ndarray) -> Capture:
@@ -105,7 +105,7 @@ def shining(truth: Normals, strength: float, exponent: float, lights: np.ndarray
 @pytest.mark.parametrize(("strength", "exponent"), [(0.2, 60), (0.6, 25), (1.0, 8), (2.0, 30), (5.0, 15)])
 def test_shine_is_neither_another_light_nor_an_encoding(strength, exponent):
     capture = shining(bumps(), strength, exponent)
-    assert [f.kind for f in check(capture) if f.kind != "saturation"] == []
+    assert [f.kind for f in findings_of(capture) if f.kind != "saturation"] == []
     s = samples.read(capture)
     assert explanation(Distant(s.I, LIGHTS), s.mask, 16, linearised=False) == []
 
@@ -147,10 +147,10 @@ def test_shine_of_flat_ground_is_no_brighter_light(exponent):
         ball = np.stack([u, v, np.sqrt(np.maximum(1 - u**2 - v**2, 0))], axis=-1)
         map = np.where((u**2 + v**2 < 0.9)[..., None], ball, map)
     capture = shining(Normals(map.astype(np.float32), np.ones((size, size), bool)), 0.3, exponent)
-    assert "intensities" not in {f.kind for f in check(capture)}
+    assert "intensities" not in {f.kind for f in findings_of(capture)}
     images = np.array(capture.images)
     images[16] *= 0.6
-    (found,) = [f for f in check(replace(capture, images=images)) if f.kind == "intensities"]
+    (found,) = [f for f in findings_of(replace(capture, images=images)) if f.kind == "intensities"]
     assert "image 17 x 0.6" in found.message
 
 
@@ -165,10 +165,10 @@ def test_shine_of_a_rough_plate_is_no_brightness_of_its_lights(strength, exponen
     z_y, z_x = np.gradient(np.where(4 * blobs > 1, 12 * blobs, 0) + 0.5 * grain)
     map = normalised(np.stack([-z_x, z_y, np.ones_like(z_x)], axis=-1)).astype(np.float32)
     plate = Normals(map, np.ones(z_x.shape, bool))
-    assert "intensities" not in {f.kind for f in check(shining(plate, strength, exponent, lights))}
+    assert "intensities" not in {f.kind for f in findings_of(shining(plate, strength, exponent, lights))}
     matter = shining(plate, 0.3, 30, lights)
     uneven = g.uniform(0.4, 1, len(lights))[:, None, None, None] * np.asarray(matter.images)
-    (found,) = [f for f in check(changed(matter, uneven)) if f.kind == "intensities"]
+    (found,) = [f for f in findings_of(changed(matter, uneven)) if f.kind == "intensities"]
     assert found.grave and "differ from those given" in found.message
 
 
@@ -188,7 +188,9 @@ def test_a_varnished_panel_is_left_alone(strokes, sheen, exponent):
     I = paint[..., None] * (N @ lights.T).clip(0) + sheen * (N @ half.T).clip(0) ** exponent
     images = (I.transpose(2, 0, 1) / I.max())[..., None].astype(np.float32)
     assert [
-        f for f in check(noisy(Capture(images, np.ones((80, 80), bool), lights))) if f.grave or f.lights is not None
+        f
+        for f in findings_of(noisy(Capture(images, np.ones((80, 80), bool), lights)))
+        if f.grave or f.lights is not None
     ] == []
 
 

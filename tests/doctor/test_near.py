@@ -8,7 +8,7 @@ import pytest
 
 import photonormal as pn
 from photonormal.cli import main
-from photonormal.doctor import check
+from photonormal.doctor import findings_of
 from photonormal.doctor.given import Near
 from photonormal.geometry import angle_deg, normalised
 from photonormal.types import Camera, Capture, Lamps, Normals
@@ -39,11 +39,11 @@ def right() -> Capture:
 
 
 def found(capture: Capture, kind: str) -> list:
-    return [f for f in check(capture) if f.kind == kind]
+    return [f for f in findings_of(capture) if f.kind == kind]
 
 
 def test_a_right_capture_is_left_alone(right):
-    assert check(right) == []
+    assert findings_of(right) == []
 
 
 @pytest.mark.parametrize(

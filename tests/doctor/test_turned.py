@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photonormal.doctor import check
+from photonormal.doctor import findings_of
 from photonormal.doctor.laid import Pictures
 from photonormal.doctor.turned import turned, turns
 from photonormal.types import Capture
@@ -68,11 +68,11 @@ def test_turns_are_about_the_frame_s_middle(rough):
 
 @pytest.mark.parametrize("exponent", [5, 100])
 def test_what_is_round_fits_at_any_turn(exponent):
-    assert not [f for f in check(shining(sphere(72), 0.3, exponent)) if f.kind in ("turned", "motion")]
+    assert not [f for f in findings_of(shining(sphere(72), 0.3, exponent)) if f.kind in ("turned", "motion")]
 
 
 def test_nothing_is_said_of_lights_where_pictures_are_turned(rough):
     images = rough.clip(0).astype(np.float32)[..., None]
     images[10:] = np.rot90(images[10:], 1, axes=(1, 2))
-    found = check(Capture(images / images.max(), np.ones(images.shape[1:3], bool), LIGHTS))
+    found = findings_of(Capture(images / images.max(), np.ones(images.shape[1:3], bool), LIGHTS))
     assert [f.kind for f in found if f.grave] == ["turned"]

@@ -12,7 +12,7 @@ from photonormal.cli import main
 from photonormal.export.heights import read_depth
 from photonormal.handover import surfaces
 from photonormal.handover.gltf import encoded
-from photonormal.handover.surfaces import relief
+from photonormal.handover.surfaces import textured_relief
 from photonormal.masked import box_of
 
 SIZES = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -57,12 +57,12 @@ class Read:
 
 @pytest.fixture(scope="module")
 def found(measured):
-    with relief(measured / "r") as found:
+    with textured_relief(measured / "r") as found:
         yield found
 
 
 def read(result, most_faces=10**6):
-    with relief(result) as found:
+    with textured_relief(result) as found:
         return Read(b"".join(encoded(found, most_faces)))
 
 

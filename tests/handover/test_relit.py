@@ -11,7 +11,7 @@ from photonormal.export import load_normals
 from photonormal.handover.relit import STEPS
 from photonormal.masked import box_of
 from photonormal.relighting import FORMATS, films
-from photonormal.relighting.pictures import direction, fitted
+from photonormal.relighting.pictures import direction, relit_by_fit
 from photonormal.srgb import from_linear, to_linear
 from photonormal.types import InputError
 from tests.relighting.test_files import dome, glossy
@@ -73,7 +73,7 @@ def test_a_light_goes_around_in_a_film(ending, measured, tmp_path):
         while (read := film.read())[0]:
             frames.append(read[1])
     assert len(frames) == STEPS
-    with fitted(glossy(dome(40)), FORMATS["hsh"].basis) as relit:
+    with relit_by_fit(glossy(dome(40)), FORMATS["hsh"].basis) as relit:
         small = relit.reduced(960, multiple=2)
         for step in (0, 30):
             wanted = small(direction(360 * step / STEPS, 45)).astype(float)

@@ -6,7 +6,7 @@ from photonormal.integration.conjugate import conjugate_gradients
 from photonormal.integration.grid import Grid
 from photonormal.integration.interpolation import Interpolation
 from photonormal.integration.multigrid import Multigrid
-from photonormal.integration.slopes import add_divergence, pairs, weighted_laplacian
+from photonormal.integration.slopes import add_divergence, adjacent, weighted_laplacian
 
 
 def jumping_weights(h: int, w: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -14,7 +14,7 @@ def jumping_weights(h: int, w: int, seed: int = 0) -> tuple[np.ndarray, np.ndarr
     g = np.random.default_rng(seed)
     y, x = np.mgrid[:h, :w]
     r = np.hypot((y - h / 2) / h, (x - w / 2) / w)
-    right, down = pairs((r < 0.48) & (r > 0.1))
+    right, down = adjacent((r < 0.48) & (r > 0.1))
     side = x > w / 2 + 0.2 * w * np.sin(5 * y / h)
     cx, cy = (10 ** g.uniform(-3, 0, known.shape) * known for known in (right, down))
     return np.where(side[:, :-1] == side[:, 1:], cx, 1e-6 * cx), np.where(side[:-1] == side[1:], cy, 1e-6 * cy)

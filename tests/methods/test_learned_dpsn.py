@@ -10,7 +10,7 @@ from photonormal.geometry import angle_deg, rotation_about_view
 from photonormal.methods.engine import on_mask, run
 from photonormal.methods.learned.dpsn import DPSN, DPSNConfig, DPSNNet
 from photonormal.methods.learned.network import parameters
-from photonormal.methods.learned.weights import encoded, load
+from photonormal.methods.learned.weights import load_network, weights_file
 from photonormal.types import InputError
 from tests.scenes import lambertian, ring, sphere
 
@@ -26,7 +26,7 @@ def as_tuples(L):
 def method(tmp_path):
     torch.manual_seed(0)
     net = DPSNNet(DPSNConfig(width=16, lights=as_tuples(RIG)))
-    (tmp_path / "w.safetensors").write_bytes(encoded("dpsn", net, {}))
+    (tmp_path / "w.safetensors").write_bytes(weights_file("dpsn", net, {}))
     return DPSN(weights=str(tmp_path / "w.safetensors"))
 
 
@@ -37,7 +37,7 @@ def test_parameters_of_the_paper_s():
 
 
 def test_weights_know_their_rig(method):
-    assert np.allclose(load(method.file).config.lights, RIG)
+    assert np.allclose(load_network(method.file).config.lights, RIG)
 
 
 def test_order_exposure_and_a_little_error_change_little(method):

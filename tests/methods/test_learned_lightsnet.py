@@ -20,7 +20,7 @@ from photonormal.methods.learned.lightsnet import (
     mean,
     told_wrong,
 )
-from photonormal.methods.learned.weights import encoded, load
+from photonormal.methods.learned.weights import load_network, weights_file
 
 
 @pytest.fixture
@@ -93,7 +93,7 @@ def test_exposure_changes_nothing(net):
 
 
 def test_its_weights_file_builds_it_again(net, tmp_path):
-    (tmp_path / "l.safetensors").write_bytes(encoded("lightsnet", net, {}, torch.float32))
+    (tmp_path / "l.safetensors").write_bytes(weights_file("lightsnet", net, {}, torch.float32))
     images, mask = seen()
-    again = load(tmp_path / "l.safetensors", "lightsnet")
+    again = load_network(tmp_path / "l.safetensors", "lightsnet")
     torch.testing.assert_close(net(images, mask).directions, again(images, mask).directions, atol=1e-4, rtol=1e-4)

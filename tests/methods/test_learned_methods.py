@@ -19,7 +19,7 @@ from photonormal.methods.learned.normalnet import NormalNetMethod
 from photonormal.methods.learned.psfcn import PSFCN, PSFCNConfig, PSFCNNet, PSFCNNormalised
 from photonormal.methods.learned.sdps import SDPS
 from photonormal.methods.learned.splinenet import SPLINENet, SPLINENetConfig, SPLINENetMethod
-from photonormal.methods.learned.weights import checksum, encoded, load
+from photonormal.methods.learned.weights import checksum, load_network, weights_file
 from photonormal.methods.uncalibrated.guess import guess
 from photonormal.types import InputError
 from tests.methods.small import small
@@ -44,7 +44,7 @@ SMALL = {
 def method(request, tmp_path):
     kind, make = SMALL[request.param]
     torch.manual_seed(0)
-    (tmp_path / "w.safetensors").write_bytes(encoded(kind, make(), {}))
+    (tmp_path / "w.safetensors").write_bytes(weights_file(kind, make(), {}))
     return request.param(weights=str(tmp_path / "w.safetensors"))
 
 
@@ -96,7 +96,7 @@ def sdps(tmp_path):
     nets = {"psfcn": PSFCNNet(PSFCNConfig(width=8)), "lightsnet": LightsNet(LightsConfig(width=8))}
     nets["lightsnet"].told.weight.data *= 300  # random networks tell nearly the same of all images
     for kind, net in nets.items():
-        (tmp_path / f"{kind}.safetensors").write_bytes(encoded(kind, net, {}))
+        (tmp_path / f"{kind}.safetensors").write_bytes(weights_file(kind, net, {}))
     return SDPS(weights=str(tmp_path / "psfcn.safetensors"), lights=str(tmp_path / "lightsnet.safetensors"))
 
 
@@ -111,7 +111,7 @@ def test_sdps_looks_at_no_light_that_is_given(sdps):
 
 def test_sdps_measures_under_the_lights_that_its_first_network_tells(sdps):
     capture = replace(lambertian(sphere(24), ring(8)), lights=None)
-    told = guess(load(sdps.lights_file), capture, CPU)
+    told = guess(load_network(sdps.lights_file), capture, CPU)
     found, normals = run(sdps, capture, CPU), run(PSFCN(weights=sdps.weights), told.shown_by(capture), CPU).normals
     assert torch.equal(found.lights, told.lights) and torch.equal(found.intensities, told.intensities)
     assert torch.equal(found.normals, normals)

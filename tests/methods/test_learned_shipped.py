@@ -7,7 +7,7 @@ import photonormal as pn
 from photonormal.methods import DEFAULT, METHODS, method_class
 from photonormal.methods.learned.method import Weighted
 from photonormal.methods.learned.processor import computing_in
-from photonormal.methods.learned.weights import LIGHTS, checksum, load, shipped, stated_checksum
+from photonormal.methods.learned.weights import LIGHTS, checksum, load_network, shipped, stated_checksum
 from photonormal.methods.uncalibrated.guess import guess
 from photonormal.scoring.lights import score_lights
 from photonormal.train.validate import OBJECTS
@@ -23,7 +23,7 @@ def test_every_learned_method_has_weights_and_all_weights_a_method():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_weights_and_card_belong_together(name):
     path = shipped(name)
-    net = load(path)
+    net = load_network(path)
     assert bool(net.config.prior) == (name in ("normalnet", "lambertian-prior")) and path.stat().st_size < 20e6
     assert stated_checksum(path) == checksum(path)
     card = path.with_suffix(".md").read_text()
@@ -59,7 +59,7 @@ def test_the_card_s_figures_hold(name, data):
         path = data / "diligent" / "pmsData" / f"{obj}PNG"
         capture, raw = pn.load(path), pn.load(path, lights="unknown")
         if name == LIGHTS:
-            told = guess(load(shipped(name)), raw, torch.device("cpu"))
+            told = guess(load_network(shipped(name)), raw, torch.device("cpu"))
             off = score_lights(told.lights.numpy(), capture.known_lights()).mean_deg
             assert off == pytest.approx(float(stated), abs=0.1)
             continue

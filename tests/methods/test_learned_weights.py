@@ -9,7 +9,7 @@ from safetensors.torch import load_file, save_file
 
 from photonormal.methods.learned.lambertian_prior import LambertianPriorConfig, LambertianPriorNet
 from photonormal.methods.learned.network import PixelNetwork
-from photonormal.methods.learned.weights import NETWORKS, build, checksum, encoded, load, shipped
+from photonormal.methods.learned.weights import NETWORKS, build, checksum, load_network, shipped, weights_file
 from photonormal.train.recipes import ONE_RIG
 from photonormal.types import InputError
 
@@ -19,13 +19,13 @@ def file(tmp_path):
     torch.manual_seed(0)
     path = tmp_path / "tiny.safetensors"
     net = LambertianPriorNet(LambertianPriorConfig(width=8, concat=3))
-    path.write_bytes(encoded("lambertian-prior", net, {"recipe": "tiny"}, torch.float32))
+    path.write_bytes(weights_file("lambertian-prior", net, {"recipe": "tiny"}, torch.float32))
     return path, net
 
 
 def test_a_file_rebuilds_its_own_network(file):
     path, net = file
-    again = load(path)
+    again = load_network(path)
     assert again.config == net.config
     for k, v in net.state_dict().items():
         torch.testing.assert_close(again.state_dict()[k], v, atol=0, rtol=0)
@@ -35,15 +35,15 @@ def test_a_file_rebuilds_its_own_network(file):
 def test_bf16_halves_the_file_and_keeps_the_weights(file, tmp_path):
     path, net = file
     half = tmp_path / "half.safetensors"
-    half.write_bytes(encoded("lambertian-prior", net, {}))
+    half.write_bytes(weights_file("lambertian-prior", net, {}))
     assert half.stat().st_size < 0.75 * path.stat().st_size
     for k, v in net.state_dict().items():
-        torch.testing.assert_close(load(half).state_dict()[k], v, atol=1e-6, rtol=2**-8)
+        torch.testing.assert_close(load_network(half).state_dict()[k], v, atol=1e-6, rtol=2**-8)
 
 
 def test_missing(tmp_path):
     with pytest.raises(InputError, match=r"no weights .*none\.safetensors"):
-        load(tmp_path / "none.safetensors")
+        load_network(tmp_path / "none.safetensors")
 
 
 def test_damaged(file):
@@ -52,29 +52,29 @@ def test_damaged(file):
     data[-7] ^= 1
     path.write_bytes(data)
     with pytest.raises(InputError, match="damaged"):
-        load(path)
+        load_network(path)
     path.write_bytes(data[:40])
     with pytest.raises(InputError, match="can't be read"):
-        load(path)
+        load_network(path)
 
 
 def test_a_card_with_another_checksum(file):
     path, _ = file
     path.with_suffix(".md").write_text(f"sha256: {checksum(path)}\n")
-    load(path)
+    load_network(path)
     path.with_suffix(".md").write_text(f"sha256: {'0' * 64}\n")
     with pytest.raises(InputError, match="damaged"):
-        load(path)
+        load_network(path)
 
 
 def test_of_another_network_or_none(file, tmp_path):
     path, _ = file
     with pytest.raises(InputError, match="are for lambertian-prior but psfcn is needed"):
-        load(path, "psfcn")
+        load_network(path, "psfcn")
     other = tmp_path / "other.safetensors"
     save_file({"a": torch.zeros(3)}, other)
     with pytest.raises(InputError, match="does not say which network"):
-        load(other)
+        load_network(other)
 
 
 def test_tensors_that_do_not_fit(file, tmp_path):
@@ -90,7 +90,7 @@ def test_tensors_that_do_not_fit(file, tmp_path):
     metadata["sha256"] = fingerprint(tensors)
     save_file(tensors, path, metadata=metadata)
     with pytest.raises(InputError, match="do not fit"):
-        load(path)
+        load_network(path)
 
 
 def test_unknown_networks_and_options():
@@ -111,7 +111,7 @@ def test_every_network_builds(name):
 
 def test_shipped_weights_are_complete():
     for card in shipped("x").parent.glob("*.md"):
-        load(card.with_suffix(".safetensors"))
+        load_network(card.with_suffix(".safetensors"))
 
 
 @pytest.mark.parametrize(
@@ -133,5 +133,5 @@ def test_a_network_that_is_only_claimed_is_never_made(file, config, says):
         metadata = opened.metadata() | {"config": config}
     save_file(load_file(path), path, metadata=metadata)
     with pytest.raises(InputError, match=re.escape(says)) as told:
-        load(path)
+        load_network(path)
     assert len(str(told.value).splitlines()) == 1

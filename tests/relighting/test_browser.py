@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from photonormal.relighting import FORMATS
-from photonormal.relighting.pictures import direction, fitted
+from photonormal.relighting.pictures import direction, relit_by_fit
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
 from tests.relighting.test_files import dome, glossy, written
 
@@ -86,7 +86,7 @@ def test_a_shader_shows_what_relit_shows(tmp_path):
             browser.run("window.found = null; run(arguments[0], arguments[1])", f"{kind}/{folder.name}", light.tolist())
             h, w, *samples = browser.wait("return window.found")
             seen = np.array(samples, float).reshape(h, w, 4)[::-1, :, :3] / 255
-            with fitted(capture, FORMATS[kind].basis) as relit:
+            with relit_by_fit(capture, FORMATS[kind].basis) as relit:
                 off = np.abs(seen - relit(light) / 255)
             assert off.mean() < 0.015 and np.quantile(off, 0.99) < 0.06, (kind, off.mean(), np.quantile(off, 0.99))
         assert not browser.errors()

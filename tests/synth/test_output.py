@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import photonormal as pn
-from photonormal.capture.blobby import samples
+from photonormal.capture.blobby import listed_samples
 from photonormal.disk import at_once
 from photonormal.synth import recipe, render
 from photonormal.synth.layout import BlobbyWriter, write_diligent
@@ -45,7 +45,7 @@ def test_blobby_layout_is_read_back(tmp_path, sample):
         writer = BlobbyWriter(batch)
         for k in range(3):
             writer.write(f"blob{k}", "alum-bronze", images, lights, normals, mask)
-    listed = samples(tmp_path / "set")
+    listed = listed_samples(tmp_path / "set")
     assert len(listed) == 3
     capture = pn.load(listed[1])
     assert np.array_equal(capture.mask, mask)
@@ -73,7 +73,7 @@ def test_render_writes_as_many_samples_as_asked_for(tmp_path, layout):
         assert len(folders) == 3
         assert pn.load(folders[2]).images.shape == (5, 48, 48, 3)
     else:
-        assert len(samples(out)) == 3
+        assert len(listed_samples(out)) == 3
 
 
 def test_what_cannot_be_written_is_refused_and_nothing_is_left(tmp_path):

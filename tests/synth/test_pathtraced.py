@@ -17,7 +17,7 @@ if importlib.util.find_spec("mitsuba") is None:
 from photonormal.synth.pathtraced import render_scene_set
 from photonormal.synth.pathtraced.meshes import Triangles, polygonise, read_mesh
 from photonormal.synth.pathtraced.objects import OBJECTS, sphere
-from photonormal.synth.pathtraced.reflectance import bsdf, evaluate, measured
+from photonormal.synth.pathtraced.reflectance import bsdf, evaluate, fitted_parameters
 from photonormal.synth.pathtraced.tracer import OrthographicCamera, build, eroded, look, reached, stock, trace
 from photonormal.synth.pathtraced.variant import vectorised
 
@@ -188,7 +188,7 @@ def test_pleats_of_metal_come_back_from_their_files_and_have_its_colour(tmp_path
 @pytest.mark.data
 @fast
 def test_measured_scenes_come_back_from_their_files(tmp_path, data):
-    assert len(measured(data / "brdf", "abc")) == len(measured(data / "brdf", "sgd")) == 100
+    assert len(fitted_parameters(data / "brdf", "abc")) == len(fitted_parameters(data / "brdf", "sgd")) == 100
     out = render_scene_set("statue100", tmp_path / "s", 2, 4, 32, data=data, samples=2)
     names = sorted(json.loads((out / "set.json").read_text())["seconds"])
     assert names == ["alum-bronze", "yellow-plastic"]

@@ -12,7 +12,7 @@ from photonormal.shading import LUMA
 from photonormal.synth.params import rng
 from photonormal.synth.pathtraced.compare import plain_coats
 from photonormal.synth.recipes import _NOISELESS, _PERFECT, recipe
-from photonormal.synth.scene import draw_scenes, frame, render
+from photonormal.synth.scene import draw_scenes, frame, shaded
 from photonormal.synth.stream import render_block
 from photonormal.synth.trace import NOWHERE, Geometry, visible_surface
 
@@ -27,7 +27,7 @@ def rendered(changes: dict, seed: int = 0, n: int = 8, name: str = "train"):
     view, start = frame(scenes, SIZE)
     geometry = visible_surface(scenes.solids, view, start)
     pixels = torch.arange(SIZE * SIZE).expand(3, -1)
-    return render(scenes, geometry, pixels, made, None, 0), geometry, scenes.lights
+    return shaded(scenes, geometry, pixels, made, None, 0), geometry, scenes.lights
 
 
 def test_lambertian_images_give_back_the_normals_by_least_squares():
@@ -118,7 +118,7 @@ def test_what_is_small_reflects_a_lamp_nearby_as_a_light_from_its_own_direction(
     def added(distance: float | None, light: torch.Tensor) -> torch.Tensor:
         """Light of the bounce (3,) on the left roof."""
         both, direct = (
-            render(
+            shaded(
                 replace(scenes, lights=light.view(1, 1, 3), bounce=torch.tensor([on])), roofs,
                 torch.arange(SIZE**2)[None], recipe(made, distance=distance), None, 0,
             )
@@ -154,7 +154,7 @@ def test_light_in_a_matt_bowl_comes_back_again_and_again():
     def light(bounces: int) -> torch.Tensor:
         """Mean over the bowl of each channel, with that many bounces."""
         scene = replace(scenes, bounce=torch.tensor([bounces > 0]))
-        I = render(scene, bowl, pixels, recipe(made, bounces=max(1, bounces)), None, 0)
+        I = shaded(scene, bowl, pixels, recipe(made, bounces=max(1, bounces)), None, 0)
         return I[0, 0, :, inside.flatten()].mean(1)
 
     once, thrice, direct = light(1), light(3), light(0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from photonormal.synth.sensor import blur, corrupt, expose, photograph, soften, turned
+from photonormal.synth.sensor import blur, corrupt, expose, misaligned, photograph, soften
 
 G = torch.Generator().manual_seed(0)
 
@@ -82,6 +82,6 @@ def test_measured_directions_are_off_by_the_error():
     g = np.random.default_rng(0)
     L = np.zeros((2, 4000, 3))
     L[..., 2], L[..., 0] = 0.8, 0.6
-    off = np.degrees(np.arccos((turned(L, g, np.array([0.0, 1.5])) * L).sum(-1).clip(-1, 1)))
+    off = np.degrees(np.arccos((misaligned(L, g, np.array([0.0, 1.5])) * L).sum(-1).clip(-1, 1)))
     assert off[0].max() < 1e-3
     assert off[1].mean() == pytest.approx(1.5 * np.sqrt(np.pi / 2), rel=0.05)  # Rayleigh

@@ -5,7 +5,7 @@ import torch
 
 from photonormal.synth.params import rng, take
 from photonormal.synth.sculptor import KINDS, draw_solids
-from photonormal.synth.trace import NOWHERE, WindowView, approach, gradient, survey, visible_surface
+from photonormal.synth.trace import NOWHERE, WindowView, approach, surface_gradient, survey, visible_surface
 
 
 def seen(solids, b, size=64, half=1.1):
@@ -104,7 +104,7 @@ def test_points_seen_lie_on_the_surface_and_nothing_lies_before_them():
 def test_gradient_is_the_slope_of_the_function():
     solids = draw_solids(rng(2), 3, (0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0), 1.0)
     p = torch.from_numpy(np.random.default_rng(0).uniform(-1, 1, (3, 3, 50)).astype(np.float32))
-    g = gradient(solids, p)
+    g = surface_gradient(solids, p)
     for axis in range(3):
         step = torch.zeros(3, 1)
         step[axis] = 2e-3

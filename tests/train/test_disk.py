@@ -12,7 +12,7 @@ import torch
 
 from photonormal.capture.augmentation import LIMIT, NOISE, augmented
 from photonormal.cli import main
-from photonormal.methods.learned.weights import load
+from photonormal.methods.learned.weights import load_network
 from photonormal.synth import render
 from photonormal.synth.recipes import recipe as rendering
 from photonormal.train import checkpoint, disk, loop, sets, validate
@@ -157,7 +157,7 @@ def test_card_journal_and_checkpoint_say_what_was_learned_from(root, tmp_path):
     assert "## Validation samples of the sets on disk" in card
     kinds = {json.loads(line)["kind"] for line in (tmp_path / "out" / "journal.jsonl").read_text().splitlines()}
     assert {"train", "clean", "hemisphere", "blobby-paper"} <= kinds
-    load(path)
+    load_network(path)
     told = torch.load(tmp_path / "out" / checkpoint.NAME, weights_only=True)["data"]
     assert [(s["name"], s["training"], s["validation"]) for s in told] == [("Blobs", 7, 2)]
 

@@ -17,7 +17,7 @@ import pytest
 import torch
 
 from photonormal.methods.learned.network import PixelNetwork
-from photonormal.methods.learned.weights import load
+from photonormal.methods.learned.weights import load_network
 from photonormal.train import checkpoint, learner, loop, objective, validate
 from photonormal.train.observe import Observed, observe
 from photonormal.train.recipes import Recipe
@@ -63,7 +63,7 @@ def same(a, b):
 def test_a_network_of_lights_learns_in_the_same_loop(tmp_path):
     lights = {"network": "lightsnet", "config": {"width": 8}, "rendering": {"crop": 64}, "priors": ()}
     recipe = replace(TINY, **lights, images=(5, 5), lr=5e-3, intensities=(0.5, 2.0), steps=50, validate=100)
-    net = load(run(tmp_path, recipe), "lightsnet")
+    net = load_network(run(tmp_path, recipe), "lightsnet")
     assert net.learns == "lights"
     first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")
     assert last["loss"] < 0.9 * first["loss"] and "loss_angle_deg" not in last
@@ -77,7 +77,7 @@ def test_a_network_of_pixels_learns_from_some_of_them(network, tmp_path):
     run(tmp_path, recipe)
     first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")
     assert last["loss"] < 0.9 * first["loss"]
-    assert isinstance(load(tmp_path / f"{network}.safetensors", network), PixelNetwork)
+    assert isinstance(load_network(tmp_path / f"{network}.safetensors", network), PixelNetwork)
 
 
 def test_a_network_for_a_rig_learns_its_lights_by_name(tmp_path):
@@ -96,7 +96,7 @@ def test_a_network_for_a_rig_learns_its_lights_by_name(tmp_path):
         exams=("clean",),
     )
     path = run(tmp_path / "out", recipe, lights=tmp_path / "rig.lp", name="mine")
-    net = load(path, "dpsn")
+    net = load_network(path, "dpsn")
     np.testing.assert_allclose(net.config.lights, L, atol=1e-5)
     first, last = (entry for entry in journal(tmp_path / "out") if entry["kind"] == "train")
     assert last["loss"] < 0.9 * first["loss"]
@@ -117,7 +117,7 @@ def test_a_network_becomes_better_than_its_prior(tmp_path):
     run(tmp_path, recipe)
     found = journal(tmp_path)[-1]
     assert found["mean_deg"] < 0.9 * found["prior_deg"], found
-    net = load(tmp_path / "lambertian-prior.safetensors", "lambertian-prior")
+    net = load_network(tmp_path / "lambertian-prior.safetensors", "lambertian-prior")
     assert net.config.width == 8
 
 
@@ -234,7 +234,7 @@ def test_other_ways_of_learning_are_better_than_the_prior_too(tmp_path, changes)
 )
 def test_the_networks_of_the_tables_learn_in_the_same_loop(tmp_path, network, config):
     recipe = replace(TINY, network=network, config=config, images=(5, 5), priors=(), lr=5e-3, steps=60, validate=100)
-    net = load(run(tmp_path, recipe), network)
+    net = load_network(run(tmp_path, recipe), network)
     first, last = (entry for entry in journal(tmp_path) if entry["kind"] == "train")
     assert last["loss"] < first["loss"] and net.config.width == 8
 
@@ -280,7 +280,7 @@ def test_expected_errors_are_learned_on_top_and_are_right_on_average(tmp_path):
     recipe = Recipe(network="normalnet", config=silent, images=(6, 6), batch=8, steps=150, lr=5e-3, validate=1000)
     first = run(tmp_path / "first", recipe)
     told = replace(recipe, config=plainest, learn="doubt", lr=1e-2, steps=200)
-    net, plain = load(run(tmp_path / "second", told, start_from=first)), load(first)
+    net, plain = load_network(run(tmp_path / "second", told, start_from=first)), load_network(first)
     batch = next(iter(Toy("", 16, "cpu", 99, lights=(6, 6))))
     seen = observe(batch, recipe, net.scaling, 0, vary=False)
     with torch.no_grad():
@@ -296,7 +296,7 @@ def test_expected_errors_are_learned_on_top_and_are_right_on_average(tmp_path):
 def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
     first = run(tmp_path / "first", replace(TINY, steps=6))
     begun = run(tmp_path / "second", replace(TINY, lr=0.0, ema=0.0, seed=1), start_from=first)
-    a, b = load(first), load(begun)
+    a, b = load_network(first), load_network(begun)
     for x, y in zip(a.parameters(), b.parameters(), strict=True):
         torch.testing.assert_close(x, y, atol=0, rtol=0)
     assert str(first) in begun.with_suffix(".md").read_text()
@@ -306,9 +306,9 @@ def test_a_training_can_begin_with_the_weights_of_another(tmp_path):
 
 def test_weights_may_go_half_of_the_way_from_those_they_began_with(tmp_path):
     first = run(tmp_path / "first", replace(TINY, steps=6))
-    whole = load(run(tmp_path / "whole", replace(TINY, steps=6, seed=1), start_from=first))
-    half = load(run(tmp_path / "half", replace(TINY, steps=6, seed=1, moved=0.5), start_from=first))
-    for a, b, between in zip(*(net.parameters() for net in (load(first), whole, half)), strict=True):
+    whole = load_network(run(tmp_path / "whole", replace(TINY, steps=6, seed=1), start_from=first))
+    half = load_network(run(tmp_path / "half", replace(TINY, steps=6, seed=1, moved=0.5), start_from=first))
+    for a, b, between in zip(*(net.parameters() for net in (load_network(first), whole, half)), strict=True):
         torch.testing.assert_close(between, (a + b) / 2, atol=1e-5, rtol=2**-7)  # written in bf16
     with pytest.raises(InputError, match="give --start-from FILE"):
         run(tmp_path / "none", replace(TINY, moved=0.5))
@@ -407,7 +407,7 @@ def test_the_card_says_what_the_weights_are(tmp_path):
         "mean_deg",
     ):
         assert fact in text
-    load(path)  # the checksum on the card holds
+    load_network(path)  # the checksum on the card holds
 
 
 WORKER = """
@@ -472,7 +472,7 @@ def test_two_processes_have_the_gradient_of_one_with_the_double_batch(tmp_path):
 def test_a_batch_without_a_finite_gradient_teaches_nothing(tmp_path, monkeypatch):
     error, calls = learner.error, itertools.count()
     monkeypatch.setattr(learner, "error", lambda *given: error(*given) * (torch.nan if next(calls) == 2 else 1))
-    net = load(run(tmp_path))
+    net = load_network(run(tmp_path))
     assert all(p.isfinite().all() for p in net.parameters())
 
 

@@ -194,7 +194,7 @@ def test_lights_that_a_network_tells_replace_the_true_ones(monkeypatch):
     """Directions are what it tells, and images are free of the intensities that it tells."""
     torch.manual_seed(0)
     net = LightsNet(LightsConfig(width=8)).eval()
-    monkeypatch.setattr("photonormal.train.observe.telling", lambda name, device: net)
+    monkeypatch.setattr("photonormal.train.observe.teller_of_lights", lambda name, device: net)
     whole = Batch(*scenes(2, 8, SIDE, torch.Generator().manual_seed(0)))
     lit = replace(PLAIN, intensities=(0.5, 2.0))
     true, seen = (observe(whole, replace(lit, lights=name), "exposure", 3, vary=False) for name in ("", "sdps-lights"))

@@ -74,7 +74,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
     for name in named:
         if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
             raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
-    return FoundCaptures([named[name] for name in sorted(named, key=natural)], left_out)
+    return FoundCaptures([named[name] for name in sorted(named, key=numbers_first)], left_out)
 
 
 def _found(
@@ -100,7 +100,7 @@ def _found(
     return found, fixed, left_out
 
 
-def natural(name: str) -> list[tuple[bool, int, str]]:
+def numbers_first(name: str) -> list[tuple[bool, int, str]]:
     """Sorting key that puts 10 after 9, and numbers before words."""
     return [(False, int(t), "") if t[0] in "0123456789" else (True, 0, t) for t in re.split(r"([0-9]+)", name) if t]
 

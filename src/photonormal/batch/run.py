@@ -21,7 +21,7 @@ LOOK_S = 0.5  # between two looks at a capture that another process is at
 Event = Callable[..., None]  # what happened, to which capture, and more
 
 
-def run(
+def run_batch(
     found: FoundCaptures,
     out: Path,
     tell: Event,
@@ -38,7 +38,7 @@ def run(
     tell : is called with an event and what belongs to it: ("found", captures=..., waiting=..., left_out=...),
         ("stale", capture=..., why=...), ("begun", capture=..., where=...), ("done", capture=..., seconds=..., ...),
         ("failed", capture=..., kind=..., message=...), ("busy", captures=[...]), ("summary", ...)
-    measured : gives what comes of the captures: `photonormal.batch.workers.run`, or a cluster's
+    measured : gives what comes of the captures: `photonormal.batch.workers.work_through`, or a cluster's
     retry : try again what has failed before in the same way
     overwrite : make results of other options again, and write beside what is no result
 

@@ -9,7 +9,7 @@ from typing import Any, Literal, NotRequired, TypedDict
 
 from photonormal.capture import place_of
 from photonormal.disk import at_once, recover
-from photonormal.export.folder import MARKER, REPORT, as_json, listed
+from photonormal.export.folder import MARKER, REPORT, as_json, listed_files
 from photonormal.files.opening import Opened
 from photonormal.job import PROVENANCE, Job
 from photonormal.provenance import Inputs, Made, change, changed, inputs
@@ -63,7 +63,7 @@ def state_of(job: Job) -> CaptureState:
     if not job.out.is_dir():
         return CaptureState("begin")
     recover(job.out)
-    report, files = read_report(job.out), listed(job.out)
+    report, files = read_report(job.out), listed_files(job.out)
     if report is None or files is None:
         return CaptureState("begin")
     failure, made = report.get("failed"), report.get("provenance")
@@ -96,7 +96,7 @@ def _difference(job: Job, before: Provenance) -> CaptureState | None:
 
 def read_report(folder: Path) -> Known | None:
     """What a folder's report tells; None where it has none of ours."""
-    if listed(folder) is None:
+    if listed_files(folder) is None:
         return None
     try:
         return read_json(folder / REPORT, Known, "measure again")
@@ -112,7 +112,7 @@ def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Opene
     try:
         told = None if read is None else {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
         failure = {"kind": kind, "message": message, PROVENANCE: told}
-        ours = listed(job.out) is not None
+        ours = listed_files(job.out) is not None
         if not ours and job.out.is_dir() and any(p.name[0] != "." for p in job.out.iterdir()):
             return  # somebody else's folder: that is why
         before = read_json(job.out / REPORT, dict[str, Any], "measure again") if ours else {"files": {}}

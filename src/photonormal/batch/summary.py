@@ -9,7 +9,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
-from photonormal.batch.captures import natural
+from photonormal.batch.captures import numbers_first
 from photonormal.batch.page import page
 from photonormal.batch.row import PAGE, CaptureRow
 from photonormal.batch.state import Failure
@@ -82,7 +82,7 @@ class Summary:
 
     def rows(self) -> list[CaptureRow]:
         """What failed comes first, then in the order of names."""
-        return sorted(self._rows.values(), key=lambda row: (row.state != "failed", natural(row.capture)))
+        return sorted(self._rows.values(), key=lambda row: (row.state != "failed", numbers_first(row.capture)))
 
     def write(self) -> None:
         """Put the summary into the folder of the batch, at once, in place of the one before."""

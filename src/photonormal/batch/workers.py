@@ -68,7 +68,7 @@ def begin_loading() -> None:
             forkserver.ensure_running()
 
 
-def run(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:
+def work_through(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:
     """What comes of the captures, as it comes, from `jobs` processes; None: as many as cores and memory allow.
 
     One that has ended a capture has the next before the outcome is told.

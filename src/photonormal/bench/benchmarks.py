@@ -139,14 +139,14 @@ def _cycles(root: Path) -> list[Item]:
 
 def _blobby(root: Path) -> list[Item]:
     """The validation samples twice: as they are, and as the paper's validation sees them."""
-    from photonormal.capture.blobby import samples
+    from photonormal.capture.blobby import listed_samples
 
     lists = root / "val_mtrl.txt"
     if not lists.is_file():
         return []
     found = []
     for dataset, protocol in (("blobby", ""), ("blobby-paper", "paper")):
-        for i, path in enumerate(samples(lists)):
+        for i, path in enumerate(listed_samples(lists)):
             shape = path.parent
             needed = (shape / f"{shape.name}_normal.png", path / f"{shape.name}_{path.name}.txt")
             found.append(Item(dataset, f"{shape.name}/{path.name}", i, path, "blobby", needed, protocol))

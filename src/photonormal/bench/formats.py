@@ -130,11 +130,11 @@ def _cells(row: MethodRow, table: ErrorTable, m: Markup) -> list[str]:
         text = f"{cell.value:.2f}" + ("" if cell.spread is None else f" {m.pm} {cell.spread:.2f}")
         text = {1: m.bold, 2: m.underlined}.get(table.rank(column).get(row.label, 0), str)(text)
         text += shortfall(row, table, column)
-        found.append(text + (f" {m.small(beside(cell))}" if cell.published is not None else ""))
+        found.append(text + (f" {m.small(set_against(cell))}" if cell.published is not None else ""))
     return found
 
 
-def beside(cell: Cell) -> str:
+def set_against(cell: Cell) -> str:
     """The published figure and the difference."""
     return f"{cell.published:.2f}, {round(cell.difference or 0, 2) + 0.0:+.2f}"  # never -0.00
 

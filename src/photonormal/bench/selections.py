@@ -10,7 +10,7 @@ import numpy as np
 
 from photonormal.bench.benchmarks import FAULTY, Item
 from photonormal.capture.pictures import parse_images
-from photonormal.stored import read_bytes
+from photonormal.stored import stored_bytes
 from photonormal.types import Capture, Image, Images, InputError, window_of
 
 
@@ -102,7 +102,7 @@ def read_fixed(path: Path) -> dict[str, str]:
     """Numbers from 1, as ``1-10,15`` for every object, or a line ``object: 1-10,15`` for each."""
     advice = "give a text file with image numbers like 1-10,15"
     try:
-        text = read_bytes(path, advice, 2**20).decode()
+        text = stored_bytes(path, advice, 2**20).decode()
     except UnicodeDecodeError:
         raise InputError(f"{path} can't be read (it is no text); {advice}.") from None
     found: dict[str, str] = {}

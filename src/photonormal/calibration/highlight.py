@@ -25,7 +25,7 @@ LARGER = 3.0  # and its light, in that of a finer one
 LARGEST = 0.06  # part of the sphere's disc that a light's reflection covers at most
 
 
-def darkest(picture: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w"]:
+def darkest_channel(picture: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w"]:
     """The darkest of the channels that are lit: a coloured ball's body is dark in one, its highlights in none."""
     bright = picture.max((0, 1))
     return picture[..., bright >= COLOURED * bright.max()].min(-1)

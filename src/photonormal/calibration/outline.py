@@ -40,7 +40,7 @@ def outlines(pictures: Sequence[Float[np.ndarray, "h w"]], count: int, pixel: fl
     found: list[Circle] = []
 
     def look(x: float, y: float, r: float) -> None:
-        circle = refined(pictures, np.array([x, y, r]), pixel)
+        circle = refined_circle(pictures, np.array([x, y, r]), pixel)
         if all(np.hypot(circle.x - c.x, circle.y - c.y) + abs(circle.r - c.r) > 0.04 * circle.r for c in found):
             found.append(circle)
 
@@ -103,7 +103,7 @@ def _peaks(votes: np.ndarray, count: int) -> list[tuple[int, int, int]]:
     return found
 
 
-def refined(pictures: Sequence[np.ndarray], start: np.ndarray, pixel: float = 1.0) -> Circle:
+def refined_circle(pictures: Sequence[np.ndarray], start: np.ndarray, pixel: float = 1.0) -> Circle:
     """The circle nearest to `start` (x, y, r) that fits the pictures' edges, and how much of it they show."""
     import cv2
 

@@ -34,7 +34,7 @@ def drawn(
         highlights = tuple(h and h.moved(-x0, -y0) for h in sphere.highlights)
         circle = replace(c, x=c.x - x0, y=c.y - y0)
         pictures.append(_marked(part, [replace(sphere, circle=circle, highlights=highlights)]))
-    return beside(pictures)
+    return in_one_row(pictures)
 
 
 def _marked(
@@ -66,7 +66,7 @@ def _marked(
     return picture
 
 
-def beside(pictures: Sequence[UInt8[np.ndarray, "a b 3"]]) -> UInt8[np.ndarray, "a c 3"]:
+def in_one_row(pictures: Sequence[UInt8[np.ndarray, "a b 3"]]) -> UInt8[np.ndarray, "a c 3"]:
     """Pictures of one height side by side."""
     gap = np.full((HEIGHT, 6, 3), 255, np.uint8)
     return np.concatenate([part for p in pictures for part in (p, gap)][:-1], axis=1)

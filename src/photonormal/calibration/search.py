@@ -17,8 +17,8 @@ import numpy as np
 from photonormal.calibration import faint
 from photonormal.calibration.choice import AS_WELL, CONFIDENCE, MIRRORS, FoundCircle, apart, best_of, overlap
 from photonormal.calibration.circle import Circle, SphereError
-from photonormal.calibration.highlight import darkest, is_a_mirror_s, looked_for
-from photonormal.calibration.outline import outlines, refined, resized
+from photonormal.calibration.highlight import darkest_channel, is_a_mirror_s, looked_for
+from photonormal.calibration.outline import outlines, refined_circle, resized
 from photonormal.calibration.reflections import TOPS
 from photonormal.calibration.rim import LINEAR, faded
 from photonormal.calibration.shadow import Surroundings
@@ -97,7 +97,7 @@ def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photogr
             part = picture[rows, columns]
             roots.append(root(part, scale))
             if k < n:
-                dark.append(resized(darkest(part), scale))
+                dark.append(resized(darkest_channel(part), scale))
     found = []
     for (x, y, s), (rows, columns, scale), (roots, dark) in zip(places, boxes, crops, strict=True):
         left, top = columns.start, rows.start
@@ -150,7 +150,7 @@ def _in_place(
         c = best.circle
         for _ in range(ROUNDS):
             c = around.fitted(c, _mirrored(c, dark).xy)
-        found += [of_edges(refined(p, np.array([c.x, c.y, c.r]), pixel)) for p in ([around.still], roots)]
+        found += [of_edges(refined_circle(p, np.array([c.x, c.y, c.r]), pixel)) for p in ([around.still], roots)]
         cast = seen(c)
         sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
         found.append(replace(cast, circle=replace(c, confidence=sure, residual_px=0.0)))

@@ -11,7 +11,7 @@ from jaxtyping import Bool
 from photonormal.calibration import faint
 from photonormal.calibration.choice import FoundCircle
 from photonormal.calibration.circle import Circle, SphereError, from_mask
-from photonormal.calibration.highlight import check_number, check_sizes, darkest, looked_for
+from photonormal.calibration.highlight import check_number, check_sizes, darkest_channel, looked_for
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.reflections import Highlight
 from photonormal.calibration.rim import SMALL
@@ -165,7 +165,7 @@ def _one(
     x0, y0 = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
     box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
     cut = Circle(circle.x - x0, circle.y - y0, circle.r)
-    highlights = looked_for(np.stack([darkest(read(j)[box]) for j in range(len(names))]), cut)
+    highlights = looked_for(np.stack([darkest_channel(read(j)[box]) for j in range(len(names))]), cut)
     if not found.shades or circle.r >= faint.LARGEST_PX:  # else shadows will do
         check_number(highlights, names, circle, where)
         check_sizes(highlights, names, circle, where)

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from photonormal.calibration.circle import Circle
-from photonormal.calibration.highlight import darkest, static_light
+from photonormal.calibration.highlight import darkest_channel, static_light
 from photonormal.calibration.outline import resized
 
 Photograph = Callable[[int], Float[np.ndarray, "h w c"]]  # levels in [0, 1] of picture j
@@ -53,7 +53,7 @@ class Survey:
             roots.append(root(picture, scale))
             if k < n:
                 block = np.ones((int(np.ceil(1 / scale)),) * 2, np.uint8)
-                level = cv2.dilate(np.rint(255 * darkest(picture).clip(0, 1)).astype(np.uint8), block)
+                level = cv2.dilate(np.rint(255 * darkest_channel(picture).clip(0, 1)).astype(np.uint8), block)
                 dark.append(cv2.resize(level, roots[-1].shape[::-1], interpolation=cv2.INTER_NEAREST))
         return cls((shape[0], shape[1]), roots, np.stack(dark))
 

@@ -135,17 +135,17 @@ def intensities_of(capture: Capture) -> np.ndarray | None:
 
 def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
     """The folder, the pictures and those of `others` that are paths: what must not be written over by results."""
-    from photonormal.capture.images import parts
+    from photonormal.capture.images import files_of
 
     path = Path(path)
     images: Any = capture.images
     while hasattr(images, "images"):  # those that are corrected or cropped
         images = images.images
-    pictures = [file for picture in getattr(images, "pictures", ()) for file in parts(picture)]
+    pictures = [file for picture in getattr(images, "pictures", ()) for file in files_of(picture)]
     return [path, *([path.parent] if path.is_file() else []), *pictures, *(p for p in others if isinstance(p, Path))]
 
 
-def told(path: str | Path, how: dict[str, Any], capture: Capture) -> dict[str, Any]:
+def reading_told(path: str | Path, how: dict[str, Any], capture: Capture) -> dict[str, Any]:
     """How a capture was read, for reports: its `source`, the options of `load` under `reading`, and the `encoding` that
     its samples were taken to have; paths are absolute."""
     source = str(Path(path).resolve()) if Path(path).exists() else str(path)

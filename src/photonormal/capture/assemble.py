@@ -13,13 +13,13 @@ import numpy as np
 from photonormal.capture import UNKNOWN
 from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.cropped import cropped
-from photonormal.capture.encoding import JPEG, doubtful, encodings, told
+from photonormal.capture.encoding import JPEG, doubtful, encoding_told, encodings
 from photonormal.capture.exif import exposures
-from photonormal.capture.images import MARGIN, ImageFiles, Picture, name_of, parts, planes, size_of
+from photonormal.capture.images import MARGIN, ImageFiles, Picture, files_of, picture_name, picture_size, planes
 from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import read_lights
 from photonormal.capture.lights.match import in_order_of
-from photonormal.capture.lights.near import long_directions, placed
+from photonormal.capture.lights.near import long_directions, placed_lamps
 from photonormal.capture.lights.ring import ring
 from photonormal.capture.lights.table import Listed
 from photonormal.capture.orientation import read_drawn, ring_note
@@ -121,11 +121,11 @@ def assemble(
     boards = _boards(choice, lit, near=lamps is not None)
     if boards is not None:
         e = np.ones((len(used), 1))  # they have them in them
-    frame = size_of(used[0])
+    frame = picture_size(used[0])
     crop = Crop.chosen(choice.crop, choice.scale, frame, str(choice.crop_file or "--crop"))
     margin = MARGIN if crop is None else MARGIN + ceil(1 / crop.scale)
     mask = mask if choice.mask is None else choice.mask
-    said = encodings([parts(p)[0] for p in used], choice.srgb, choice.linear)
+    said = encodings([files_of(p)[0] for p in used], choice.srgb, choice.linear)
     notes = [*lit.notes, *doubtful(said)]
     if isinstance(mask, Path):
         mask, turned = read_drawn(mask, used, choice.mask_on)
@@ -140,10 +140,10 @@ def assemble(
     samples = ImageFiles(used, None if choice.lens else mask, e, said, distinct=True, margin=margin)
     flats = None
     if boards is not None:
-        flats = boards, None if lit.vectors is None else unit_lights(lit.vectors, [name_of(p) for p in used])[:, 2]
+        flats = boards, None if lit.vectors is None else unit_lights(lit.vectors, [picture_name(p) for p in used])[:, 2]
     images = corrected(samples, choice, lens, None if mask is None else box_of(mask, margin), flats)
     if lamps is None:
-        lamps, camera = placed(lit.vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, frame)
+        lamps, camera = placed_lamps(lit.vectors, choice.mm_per_px, choice.dome_radius_mm, choice.focal_px, frame)
         notes += long_directions(lit.vectors, lamps)
     else:
         lamps = lamps[lit.chosen]
@@ -157,9 +157,9 @@ def assemble(
         truth=None if given is None else known_normals(given),
         saturation=samples.saturation,
         name=name,
-        image_names=tuple(name_of(p) for p in used),
+        image_names=tuple(picture_name(p) for p in used),
         notes=tuple(notes),
-        encoding=told(samples.encodings),
+        encoding=encoding_told(samples.encodings),
         linearised=any(encoding.curves for encoding in samples.encodings),
         likely_encoded=JPEG in samples.encodings,
     )
@@ -202,7 +202,7 @@ def _lit(
     listed = _listed(lights, choice)
     order, rows, notes = list(range(len(pictures))), [], []
     if listed is not None:
-        order, rows, notes = in_order_of([name_of(p) for p in pictures], listed)
+        order, rows, notes = in_order_of([picture_name(p) for p in pictures], listed)
     every = [pictures[j] for j in order]
     chosen = parse_images(choice.images, len(every))
     used = [every[j] for j in chosen]
@@ -219,7 +219,7 @@ def _lit(
             intensities = listed.intensities[rows]
     e = _intensities(choice.intensities or intensities, [len(used), len(every), len(pictures)], order, chosen)
     if choice.exif_exposure:
-        e = e * exposures([parts(p)[0] for p in used])
+        e = e * exposures([files_of(p)[0] for p in used])
     return LitPictures(used, chosen, every, vectors, e, tuple(notes))
 
 
@@ -240,7 +240,7 @@ def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None
 
 
 def _refuse_missing(pictures: Sequence[Picture], name: str) -> None:
-    files = [path for picture in pictures for path in parts(picture)]
+    files = [path for picture in pictures for path in files_of(picture)]
     missing = [path for path in files if not os.path.exists(path) or os.path.isdir(path)]
     if missing:
         more = f", and {len(missing) - 1} more," if len(missing) > 1 else ""
@@ -275,7 +275,7 @@ def _boards(choice: Choice, lit: LitPictures, near: bool) -> list[Path] | None:
         raise InputError(f"--flat {choice.flat} is a folder but --rgb-lights takes one flat field; give one picture.")
     if choice.rgb_lights:  # it shows the three lights, too
         return [choice.flat] * len(lit.pictures)
-    found = white_boards(choice.flat, [name_of(p) for p in lit.every])
+    found = white_boards(choice.flat, [picture_name(p) for p in lit.every])
     return [found[j] for j in lit.chosen]
 
 

@@ -49,7 +49,7 @@ def listed(path: Path) -> tuple[list[str], np.ndarray]:
     return [last_part(n) for n in names], lights
 
 
-def samples(root: Path) -> list[Path]:
+def listed_samples(root: Path) -> list[Path]:
     """The sample folders that `train_mtrl.txt` or `val_mtrl.txt` of a set's root, or the file given, lists."""
     lists = [root] if root.is_file() else [p for p in (root / "train_mtrl.txt", root / "val_mtrl.txt") if p.exists()]
     if not lists:

@@ -132,7 +132,7 @@ def doubtful(found: Sequence[Encoding]) -> list[str]:
     return notes
 
 
-def told(found: Sequence[Encoding]) -> str:
+def encoding_told(found: Sequence[Encoding]) -> str:
     """A line for reports, such as "sRGB (Exif)"; the number of pictures where they differ."""
     counts = Counter(f"{e.name} ({e.by})" for e in found)
     if len(counts) == 1:

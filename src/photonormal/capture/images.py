@@ -44,26 +44,26 @@ ROWS = 8  # every so many rows of a picture tell whether another may be equal
 MARGIN = 8  # pixels kept around the mask's bounding box
 
 
-def parts(picture: Picture) -> tuple[Path, ...]:
+def files_of(picture: Picture) -> tuple[Path, ...]:
     """The files of a picture."""
     if isinstance(picture, PicturePart):
         return (picture.path,)
     return picture if isinstance(picture, tuple) else (picture,)
 
 
-def name_of(picture: Picture) -> str:
+def picture_name(picture: Picture) -> str:
     """What reports call a picture: its file's name, and which part of it."""
-    return picture.name if isinstance(picture, PicturePart) else parts(picture)[0].name
+    return picture.name if isinstance(picture, PicturePart) else files_of(picture)[0].name
 
 
-def size_of(picture: Picture, frame: tuple[int, int] | None = None) -> tuple[int, int]:
+def picture_size(picture: Picture, frame: tuple[int, int] | None = None) -> tuple[int, int]:
     """Height and width of a picture by its header, which must be `frame` where given."""
-    return frame_of(parts(picture)[0], frame, picture.page if isinstance(picture, PicturePart) else None)
+    return frame_of(files_of(picture)[0], frame, picture.page if isinstance(picture, PicturePart) else None)
 
 
 def planes(picture: Picture) -> list[PicturePart]:
     """The three channels of a photograph as pictures."""
-    file, page = (picture.path, picture.page) if isinstance(picture, PicturePart) else (parts(picture)[0], None)
+    file, page = (picture.path, picture.page) if isinstance(picture, PicturePart) else (files_of(picture)[0], None)
     return [PicturePart(file, page, channel) for channel in range(3)]
 
 
@@ -106,9 +106,9 @@ class ImageFiles:
         distinct: bool = False,
         margin: int = MARGIN,
     ):
-        self.frame = size_of(pictures[0])
+        self.frame = picture_size(pictures[0])
         for other in pictures[1:2]:  # of two that differ in size neither is decoded
-            size_of(other, self.frame)
+            picture_size(other, self.frame)
         first = _decode(pictures[0], self.frame)
         n, (h, w, c) = len(pictures), first.shape
         self.pictures = pictures
@@ -142,9 +142,9 @@ class ImageFiles:
         samples = _decode(self.pictures[j], self.frame)
         if samples.shape != self.shape[1:] or samples.dtype != self.dtype:
             raise InputError(
-                f"picture {parts(self.pictures[j])[0]} has {_described(samples.shape, samples.dtype)} but "
-                f"{name_of(self.pictures[0])} has {_described(self.shape[1:], self.dtype)}; all pictures of a capture "
-                "need the same, so export them alike, or choose those that are with --images."
+                f"picture {files_of(self.pictures[j])[0]} has {_described(samples.shape, samples.dtype)} but "
+                f"{picture_name(self.pictures[0])} has {_described(self.shape[1:], self.dtype)}; all pictures of a "
+                "capture need the same, so export them alike, or choose those that are with --images."
             )
         self._refuse_equal(j, samples[self.box])
         return samples[self.box]
@@ -159,7 +159,7 @@ class ImageFiles:
             return
         if not np.array_equal(crop, _decode(self.pictures[other], self.frame)[self.box]):
             return
-        alike = [name_of(p) for p in self.pictures if np.array_equal(crop, _decode(p, self.frame)[self.box])]
+        alike = [picture_name(p) for p in self.pictures if np.array_equal(crop, _decode(p, self.frame)[self.box])]
         raise InputError(
             f"{len(alike)} photographs ({', '.join(alike)}) are equal in every sample but each needs a light of its "
             "own; leave all but one of them out, or copy them from the camera again."
@@ -209,11 +209,11 @@ def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarra
                 "each; leave --rgb-lights out."
             )
         return samples if picture.channel is None else samples[..., picture.channel, None]
-    files = [decode(path, frame) for path in parts(picture)]
+    files = [decode(path, frame) for path in files_of(picture)]
     if len(files) == 1:
         return files[0]
     if len({f.shape for f in files}) != 1:
-        names = ", ".join(f"{path} {f.shape}" for path, f in zip(parts(picture), files, strict=True))
+        names = ", ".join(f"{path} {f.shape}" for path, f in zip(files_of(picture), files, strict=True))
         raise InputError(f"the parts of a picture differ in size ({names}) but are added; export them again.")
     return np.sum([f / np.float32(full_scale(f)) for f in files], axis=0)
 

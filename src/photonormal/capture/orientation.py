@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.capture.exif import read_exif
-from photonormal.capture.images import ImageFiles, Picture, parts, read_mask, size_of
+from photonormal.capture.images import ImageFiles, Picture, files_of, picture_size, read_mask
 from photonormal.options import DrawnOn, check_value
 from photonormal.types import InputError
 
@@ -49,11 +49,11 @@ def read_drawn(
         If both fit; if the mask has another size.
     """
     check_value(drawn_on, DrawnOn, "mask_on")
-    frame = size_of(pictures[0])
-    turns = sorted({read_exif(parts(p)[0]).orientation for p in pictures} - {1})
+    frame = picture_size(pictures[0])
+    turns = sorted({read_exif(files_of(p)[0]).orientation for p in pictures} - {1})
     if not turns or drawn_on == "stored":
         return read_mask(path, frame), []
-    size = size_of(path)
+    size = picture_size(path)
     mask = read_mask(path, size if size == frame[::-1] else frame)
     ways = {o: BACK[o](mask) for o in turns} if drawn_on == "shown" else {1: mask, **{o: BACK[o](mask) for o in turns}}
     ways = {o: m for o, m in ways.items() if m.shape == frame}
@@ -80,7 +80,7 @@ def read_drawn(
 
 def ring_note(pictures: Sequence[Picture]) -> list[str]:
     """What the user should know of a ring of lamps where viewers show the pictures turned."""
-    turns = {read_exif(parts(p)[0]).orientation for p in pictures}
+    turns = {read_exif(files_of(p)[0]).orientation for p in pictures}
     if len(turns) > 1 or not turns <= set(STARTS):
         return []
     turn = turns.pop()

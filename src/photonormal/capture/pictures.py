@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from photonormal.capture.images import Picture, PicturePart, name_of, parts
+from photonormal.capture.images import Picture, PicturePart, files_of, picture_name
 from photonormal.capture.lights.match import stem
 from photonormal.files.decode import RAW, SUFFIXES, pages_of
 from photonormal.types import InputError
@@ -123,7 +123,7 @@ def no_pictures(folder: Path) -> InputError:
 
 def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: str) -> InputError:
     """What to say where a capture has more or fewer pictures than a source has lights: which pictures look odd."""
-    n, names = len(pictures), [name_of(p) for p in pictures]
+    n, names = len(pictures), [picture_name(p) for p in pictures]
     odd = _named_unlike_the_others(names)
     stacks = sorted({p.path.name for p in pictures if isinstance(p, PicturePart) and p.page is not None})
     if odd:
@@ -156,7 +156,7 @@ def _named_unlike_the_others(names: Sequence[str]) -> list[str]:
 def refuse_repeated(pictures: Sequence[Picture]) -> None:
     """Raise where two pictures are one file, or one part of it: a photograph has one light."""
     seen: dict[tuple, Path] = {}
-    for picture, path in ((p, path) for p in pictures for path in parts(p)):
+    for picture, path in ((p, path) for p in pictures for path in files_of(p)):
         status = os.stat(path)
         part = (picture.page, picture.channel) if isinstance(picture, PicturePart) else ()
         first = seen.setdefault((status.st_dev, status.st_ino, *part), path)

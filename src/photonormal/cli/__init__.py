@@ -20,7 +20,7 @@ from photonormal.cli.measuring import Measure, Methods
 from photonormal.cli.rigging import Calibrate, Check, Intensities, Lights, Mask
 from photonormal.cli.studying import Bench, Figure, Render, Report, Table, Train
 from photonormal.cli.viewing import Export, View
-from photonormal.options import check
+from photonormal.options import check_fields
 from photonormal.types import InputError
 
 COMMANDS = (
@@ -87,5 +87,5 @@ def parsed(arguments: list[str] | None) -> Any:
         if not ended.code:  # --help
             raise
         raise InputError(one_line(told.getvalue())) from None
-    check(command, lambda name: f"--{name.replace('_', '-')}")
+    check_fields(command, lambda name: f"--{name.replace('_', '-')}")
     return command

@@ -45,7 +45,7 @@ class Going:
         """What measures the captures: processes of this machine, or a cluster's workers; `soon`: it is certain that
         they will be needed."""
         from photonormal.batch.cluster import cluster
-        from photonormal.batch.workers import begin_loading, run
+        from photonormal.batch.workers import begin_loading, work_through
 
         if self.scheduler or self.workers:
             return cluster(self.scheduler, self.workers, self.split_megapixels)
@@ -55,7 +55,7 @@ class Going:
             )
         if soon:
             begin_loading()
-        return nullcontext(partial(run, jobs=self.jobs))
+        return nullcontext(partial(work_through, jobs=self.jobs))
 
     def tells(self, watching: bool = False) -> Callable[..., None]:
         """What tells of events."""
@@ -84,9 +84,9 @@ class Batch:
         like, going = of_all(self), self.batch
         found = jobs(self.captures, self.out, like, kinds())
         with going.measured(soon=not all(named.job.out.exists() for named in found.captures)) as measured:
-            from photonormal.batch.run import run
+            from photonormal.batch.run import run_batch
 
-            done = run(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)
+            done = run_batch(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)
         return 1 if done["failed"] else 0
 
 
@@ -107,7 +107,7 @@ class Watch:
 
     def __call__(self) -> int:
         from photonormal.batch.captures import jobs
-        from photonormal.batch.run import run
+        from photonormal.batch.run import run_batch
         from photonormal.batch.watch import watch
 
         like, going = of_all(self), self.batch
@@ -116,7 +116,7 @@ class Watch:
 
             def measure(paths: Sequence[Path]) -> None:
                 found = jobs([str(path) for path in paths], self.out, like, {})
-                run(found, self.out, tells, measured, overwrite=going.overwrite)
+                run_batch(found, self.out, tells, measured, overwrite=going.overwrite)
 
             watch(self.folder, self.out, measure, self.settle, tell=tells)
         return 0

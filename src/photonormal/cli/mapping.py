@@ -79,11 +79,11 @@ class Score:
 def scored_lights(known: Capture, result: Path) -> dict[str, float] | None:
     """How wrong the lights are that a result folder's report says were found; None where there are none."""
     from photonormal.capture import intensities_of
-    from photonormal.export.folder import listed
+    from photonormal.export.folder import listed_files
     from photonormal.scoring.lights import score_lights
     from photonormal.view.result import report_of
 
-    if listed(result) is None or known.lights is None or (found := report_of(result).get("found_lights")) is None:
+    if listed_files(result) is None or known.lights is None or (found := report_of(result).get("found_lights")) is None:
         return None
     e = found.get("intensities")
     directions = np.array(found["directions"], float).reshape(-1, 3)

@@ -150,9 +150,9 @@ class Report:
     """Replace a file that exists."""
 
     def __call__(self) -> int:
-        from photonormal.bench.page import report
+        from photonormal.bench.page import write_page
 
-        path = report(
+        path = write_page(
             self.runs,
             self.out,
             methods=listed(self.methods),

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from photonormal.types import Capture
 
 
-def check(capture: Capture) -> list[Finding]:
+def findings_of(capture: Capture) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 
     What was assumed on reading, saturation, darkness, bits and encoding, coverage by the lights, lamps' positions,

@@ -202,6 +202,6 @@ def clearly_less(change: Float[np.ndarray, " parts"]) -> bool:
     return bool(-change.mean() > AGREED * (change.std() / SIDE + 1e-3))
 
 
-def tell(pictures: Float[np.ndarray, "n a b"]) -> bool:
+def can_tell(pictures: Float[np.ndarray, "n a b"]) -> bool:
     """Whether there are pictures enough, and large enough, to tell how they lie."""
     return min(pictures.shape[1:]) >= SIZE and len(pictures) >= LEAST and bool(pictures.any())

@@ -13,7 +13,7 @@ from photonormal.doctor.finding import Finding, counted, listed
 from photonormal.doctor.frame import GIVEN, LambertianFit, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
 from photonormal.doctor.misfit import MATT, OF_PART, MisfitPixels
-from photonormal.doctor.order import BETTER, Orders, name_of
+from photonormal.doctor.order import BETTER, Orders, order_name
 from photonormal.geometry import angle_deg
 
 OFF = 1.25  # factor by which a light's intensity may be off before it is said
@@ -93,9 +93,9 @@ def _reordered(
     finding = Finding(
         "order",
         True,
-        f"the lights are not in the pictures' order: {name_of(order, names)} fits{also} (misfit {after:.2f} "
+        f"the lights are not in the pictures' order: {order_name(order, names)} fits{also} (misfit {after:.2f} "
         f"instead of {before:.2f}, 1 is chance); put the lights' file in that order{todo}.",
-        {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": name_of(order, names)},
+        {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": order_name(order, names)},
         lights=right.vectors if sure else None,
     )
     return [finding], right

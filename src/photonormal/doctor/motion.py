@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from photonormal.doctor.finding import Finding, counted, listed
-from photonormal.doctor.laid import LEAST, Pictures, lay_otherwise, log_odds, tell
+from photonormal.doctor.laid import LEAST, Pictures, can_tell, lay_otherwise, log_odds
 
 UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, below which it may have moved
 GROUP, GROUPS = 3, 3  # pictures shifted alike at least, such groups at most
@@ -98,7 +98,7 @@ def _suspect(left: Float[np.ndarray, "n k k"]) -> Bool[np.ndarray, " n"]:
 
 def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str]) -> list[Finding]:
     """Pictures that moved; `scale` is that of `pictures` against the photographs."""
-    if not tell(pictures):
+    if not can_tell(pictures):
         return []
     shift = shifts(pictures) / scale
     moved = np.flatnonzero(np.abs(shift).max(1) > 0)

@@ -180,7 +180,7 @@ def simple_orders(names: Sequence[str]) -> list[tuple[Int[np.ndarray, " n"], str
     return found
 
 
-def name_of(order: Int[np.ndarray, " n"], names: Sequence[str]) -> str:
+def order_name(order: Int[np.ndarray, " n"], names: Sequence[str]) -> str:
     """What an order is called: one of `simple_orders`, a swap, or how many lights are with the wrong picture."""
     for simple, name in simple_orders(names):
         if (simple == order).all():

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from photonormal.doctor.finding import Finding, counted, listed
-from photonormal.doctor.laid import Pictures, laid_in_turn, lay_otherwise, tell
+from photonormal.doctor.laid import Pictures, can_tell, laid_in_turn, lay_otherwise
 
 
 def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
@@ -68,7 +68,7 @@ def turned(
 ) -> list[Finding]:
     """Pictures that are turned by quarters of a turn about the frame's `middle` (row, column)."""
     pictures = about(pictures, middle, square)
-    if not tell(pictures):
+    if not can_tell(pictures):
         return []
     found = turns(Pictures.of(pictures))
     group = np.flatnonzero(found).tolist()

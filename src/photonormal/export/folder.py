@@ -88,7 +88,7 @@ def _refuse(out: Path, overwrite: bool, used: set[tuple[int, int]]) -> None:
         )
     _replaced(out, NAMES, overwrite, used)
     others = {p.name for p in out.iterdir()} - {PARTIAL}
-    if others and not overwrite and listed(out) is None:
+    if others and not overwrite and listed_files(out) is None:
         raise InputError(
             f"{out} exists and holds no photonormal result; choose another --out, or add --overwrite to put the "
             "results beside what is there."
@@ -97,7 +97,7 @@ def _refuse(out: Path, overwrite: bool, used: set[tuple[int, int]]) -> None:
 
 def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: set[tuple[int, int]]) -> list[str]:
     """The files of `out` that go when a result with files `names` comes; InputError where one of them may not."""
-    ours = listed(out) or []
+    ours = listed_files(out) or []
     for name in dict.fromkeys([*names, *ours]):
         path = out / name
         refuse_folder(path)
@@ -114,7 +114,7 @@ def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: set[tuple[
     return ours
 
 
-def listed(out: Path) -> list[str] | None:
+def listed_files(out: Path) -> list[str] | None:
     """Files of the result in a folder, as its report tells, its report first; None where there is no result of ours."""
     if not 0 < (_size(out / REPORT) or 0) < LONGEST:
         return None

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.curl import Curl
-from photonormal.export.vectors import is_background, is_transparent, vectors, zero_at_its_code
+from photonormal.export.vectors import decoded_vectors, is_background, is_transparent, zero_at_its_code
 from photonormal.files.decode import full_scale
 from photonormal.geometry import FRAMES, from_frame, normalised
 from photonormal.types import InputError, Normals
@@ -107,7 +107,7 @@ def _parts(samples: np.ndarray, path: Path, channels: str) -> tuple[np.ndarray, 
             f"{path} has {samples.shape[2]} channels, so it is no normal map as (n + 1) / 2 in red, green, blue; give "
             "one, or --channels xy where x and y are the first two."
         )
-    v = vectors(samples)
+    v = decoded_vectors(samples)
     background = is_background(v[..., chosen])
     if samples.shape[2] == 4 and 3 not in chosen:
         background |= is_transparent(samples[..., 3])

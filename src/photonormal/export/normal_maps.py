@@ -140,14 +140,14 @@ def _arrays(path: Path) -> tuple[np.ndarray, str | None, Normals | None]:
     arrays = read_npz(path, "save them again", ("normals", "mask", "expected_error_deg", "axes"))
     if "normals" not in arrays:
         raise InputError(f"{path} holds {', '.join(arrays) or 'no normals'} but normals are needed; save them so.")
-    frame = frame_of(arrays.get("axes"), path)
+    frame = told_frame(arrays.get("axes"), path)
     ours = Normals(arrays["normals"], arrays["mask"], arrays.get("expected_error_deg")) if "mask" in arrays else None
     if arrays["normals"].ndim != 3 or arrays["normals"].shape[2] != 3:
         raise InputError(f"the normals in {path} are {arrays['normals'].shape} but (h, w, 3) is needed; save them so.")
     return arrays["normals"], frame, ours
 
 
-def frame_of(axes: np.ndarray | None, path: Path) -> str | None:
+def told_frame(axes: np.ndarray | None, path: Path) -> str | None:
     """The frame of the `axes` that an .npz file tells; None where it tells none."""
     if axes is None:
         return None

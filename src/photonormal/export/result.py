@@ -41,7 +41,7 @@ def write_result(
     expected-error.png, error.png (where the truth is known), lights.lp and light_intensities.txt (where they were
     found), the maps of materials (where they were asked for) and report.json. `frame` is that of normals.png, a key of
     photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
-    `photonormal.capture.told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
+    `photonormal.capture.reading_told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
     The mesh has about `most_faces` triangles at most, and is in millimetres where the capture tells a pixel's width.
     """
     start = time.perf_counter()

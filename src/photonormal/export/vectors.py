@@ -14,7 +14,7 @@ NEAR = 0.02  # of length one: vectors that tell the code of zero
 CUT_OUT = 0.02  # alpha within it of 0 or 1 is a cut-out's
 
 
-def vectors(samples: np.ndarray) -> Float[np.ndarray, "h w c"]:
+def decoded_vectors(samples: np.ndarray) -> Float[np.ndarray, "h w c"]:
     """Parts of vectors in [-1, 1], float32: integers hold (n + 1) / 2, floats that or the vectors themselves."""
     full = full_scale(samples)
     if full > 1:

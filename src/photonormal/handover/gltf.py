@@ -18,7 +18,7 @@ from photonormal.geometry import normalised
 from photonormal.handover.glb import INDICES, VERTICES, Buffer
 from photonormal.handover.opened import refuse
 from photonormal.handover.sheets import Layers, nearest, sheet
-from photonormal.handover.surfaces import Part, Relief, relief
+from photonormal.handover.surfaces import Part, Relief, textured_relief
 from photonormal.masked import box_of
 from photonormal.png import PngRows
 from photonormal.progress import progress
@@ -60,7 +60,11 @@ def export_gltf(
     if not SMALLEST <= texture <= LARGEST:
         raise InputError(f"--texture {texture} came but {SMALLEST} to {LARGEST} pixels are needed; choose so many.")
     refuse("gltf", out, overwrite)
-    with relief(result, mm_per_px) as found, at_once(out.parent) as batch, (batch / out.name).open("wb") as file:
+    with (
+        textured_relief(result, mm_per_px) as found,
+        at_once(out.parent) as batch,
+        (batch / out.name).open("wb") as file,
+    ):
         file.writelines(encoded(found, most_faces, texture))
         longest = max(side.stop - side.start for side in box_of(found.known, MARGIN))
     return out, max(1.0, longest / texture)

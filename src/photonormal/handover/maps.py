@@ -18,7 +18,7 @@ from photonormal.files.exr import ExrRows
 from photonormal.geometry import in_frame
 from photonormal.handover.opened import refuse
 from photonormal.handover.sheets import Layers, Sheet, sheet
-from photonormal.handover.surfaces import relief
+from photonormal.handover.surfaces import textured_relief
 from photonormal.handover.tiles import repeating
 from photonormal.png import SRGB, PngRows, text
 from photonormal.progress import progress
@@ -85,7 +85,7 @@ def export_maps(
         raise InputError(f"--program {program[:40]!r} came but {', '.join(PROGRAMS)} are known; choose one.")
     refuse("maps", out, overwrite, [result])
     with ExitStack() as kept:
-        found = kept.enter_context(relief(result, mm_per_px))
+        found = kept.enter_context(textured_relief(result, mm_per_px))
         layers = sheet(found)
         if tile:
             layers = kept.enter_context(repeating(layers, result))

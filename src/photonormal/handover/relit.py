@@ -10,18 +10,18 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.disk import at_once, refuse_taken
-from photonormal.export.normal_maps import frame_of
+from photonormal.export.normal_maps import told_frame
 from photonormal.export.pictures import albedo_samples, is_encoded, linear
 from photonormal.files.opening import read_npz
 from photonormal.files.rows import Rows, npz_rows
 from photonormal.geometry import from_frame
 from photonormal.handover.opened import photographs_needed
-from photonormal.handover.surfaces import bands
+from photonormal.handover.surfaces import picture_rows
 from photonormal.masked import box_of
 from photonormal.png import SRGB, encode_png
 from photonormal.progress import progress
 from photonormal.relighting import FORMATS, films
-from photonormal.relighting.pictures import Relit, direction, fitted, matt
+from photonormal.relighting.pictures import Relit, direction, matt, relit_by_fit
 from photonormal.relighting.web import jpeg
 from photonormal.types import InputError, Normals
 from photonormal.view.result import report_of
@@ -113,7 +113,7 @@ def _fitted(
     photographs, read = photographs_needed(result, capture, f"--by {by} is", otherwise="or choose --by matt")
     refuse_taken([out], overwrite, read)
     known, basis = photographs.known_lights(), FORMATS[by].basis
-    with fitted(photographs, basis) as relit:
+    with relit_by_fit(photographs, basis) as relit:
         if (np.abs(basis(np.stack(lights)) @ np.linalg.pinv(basis(known))).sum(1) > STRETCHED).any():
             lowest, highest = np.degrees(np.arcsin(np.clip([known[:, 2].min(), known[:, 2].max()], -1, 1)))
             log.warning(
@@ -138,11 +138,11 @@ def _matt(result: Path) -> Iterator[Relit]:
         mask = found["mask"][:]
         if colours.shape[:2] != mask.shape:
             raise InputError(f"{file} is {colours.shape[:2]} but {path.name} beside it is {mask.shape}; measure again.")
-        frame = frame_of(read_npz(path, "measure again", ("axes",)).get("axes"), path)
+        frame = told_frame(read_npz(path, "measure again", ("axes",)).get("axes"), path)
         lines, columns = box_of(mask)
         size, encoded = (lines.stop - lines.start, columns.stop - columns.start), is_encoded(file, colours)
         with Rows((*size, 3), np.float32) as normals, Rows((*size, 3), np.float32) as albedo:
-            for rows in bands(*size):
+            for rows in picture_rows(*size):
                 inside = slice(lines.start + rows.start, lines.start + rows.stop)
                 part = Normals(found["normals"][inside][:, columns], mask[inside, columns]).map
                 normals[rows] = part if frame is None else from_frame(part, frame)

@@ -12,7 +12,7 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import csr_array
 
 from photonormal.handover import occlusion
-from photonormal.handover.surfaces import Part, Relief, bands
+from photonormal.handover.surfaces import Part, Relief, picture_rows
 from photonormal.masked import box_of
 
 AROUND = 32  # rows that are looked at above and below for known pixels
@@ -68,7 +68,7 @@ class Layers:
 
     def parts(self) -> Iterator[tuple[slice, Sheet]]:
         """All of it, some rows after the other."""
-        for rows in bands(*self.size):
+        for rows in picture_rows(*self.size):
             yield rows, self.part(rows)
 
     def reduced(self, side: int) -> Layers:
@@ -122,7 +122,7 @@ def sheet(found: Relief, margin: int = 0) -> Layers:
     def part(rows: slice) -> Sheet:
         around = slice(max(0, rows.start - AROUND), min(h, rows.stop + AROUND))
         near = found.part(slice(top + around.start, top + around.stop), box[1])
-        open_ = between(coarse.occlusion, np.arange(around.start, around.stop) / step, np.arange(w) / step)
+        open_ = between_points(coarse.occlusion, np.arange(around.start, around.stop) / step, np.arange(w) / step)
         seen = _sheet(near, open_)
         if not near.known.all():
             at, distance = nearest(near.known)
@@ -154,7 +154,7 @@ def nearest(known: Bool[np.ndarray, "h w"]) -> tuple[np.ndarray, np.ndarray]:
     return found[1], found[0]
 
 
-def between(
+def between_points(
     grid: Float[np.ndarray, "a b"], rows: Float[np.ndarray, " h"], columns: Float[np.ndarray, " w"]
 ) -> Float[np.ndarray, "h w"]:
     """Values on a grid between its points, in the grid's rows and columns."""

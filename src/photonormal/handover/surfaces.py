@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.export.heights import in_own_units
-from photonormal.export.normal_maps import frame_of
+from photonormal.export.normal_maps import told_frame
 from photonormal.export.pictures import albedo_samples, is_encoded, linear
 from photonormal.files import memory
 from photonormal.files.decode import decode, full_scale
@@ -88,7 +88,7 @@ class Relief:
         return samples / np.float32(full_scale(samples))
 
 
-def bands(h: int, w: int) -> Iterator[slice]:
+def picture_rows(h: int, w: int) -> Iterator[slice]:
     """Rows of a picture, as many at a time as the memory allows that `photonormal.files.memory` tells."""
     rows = max(1, min(PIXELS, memory.allowed() // (SHARE * HELD)) // max(1, w))
     for y in range(0, h, rows):
@@ -96,7 +96,7 @@ def bands(h: int, w: int) -> Iterator[slice]:
 
 
 @contextmanager
-def relief(result: Path, mm_per_px: float | None = None) -> Iterator[Relief]:
+def textured_relief(result: Path, mm_per_px: float | None = None) -> Iterator[Relief]:
     """A result's `normals.npz` and `depth.npz`, its `base_colour.png`, else `albedo.png`, and where it has them
     `roughness.png`, whose 0 means unknown, and `metalness.png`.
 
@@ -150,11 +150,11 @@ def _checked(result: Path, layers: dict[str, Rows]) -> tuple[np.ndarray, tuple[f
     Normals and depth are put into our frame and units.
     """
     about = read_npz(result / "depth.npz", "measure again", ("K", "mm_per_px"))
-    frame = frame_of(read_npz(result / "normals.npz", "measure again", ("axes",)).get("axes"), result / "normals.npz")
+    frame = told_frame(read_npz(result / "normals.npz", "measure again", ("axes",)).get("axes"), result / "normals.npz")
     h, w = layers["normals mask"].shape
     K = about.get("K")
     known, low, high = np.zeros((h, w), bool), np.inf, -np.inf
-    for rows in bands(h, w):
+    for rows in picture_rows(h, w):
         normals = Normals(layers["normals"][rows], layers["normals mask"][rows])
         surface = Surface(layers["depth"][rows], layers["depth mask"][rows], K)
         if frame is not None:

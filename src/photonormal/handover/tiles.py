@@ -14,10 +14,10 @@ from photonormal.files import memory
 from photonormal.files.rows import Rows
 from photonormal.geometry import normalised
 from photonormal.handover import occlusion
-from photonormal.handover.sheets import Layers, Sheet, between
-from photonormal.handover.surfaces import bands
+from photonormal.handover.sheets import Layers, Sheet, between_points
+from photonormal.handover.surfaces import picture_rows
 from photonormal.integration import integrate
-from photonormal.integration.periodic import poisson
+from photonormal.integration.periodic import periodic_poisson
 from photonormal.types import InputError, Normals
 
 log = logging.getLogger(__name__)
@@ -84,7 +84,7 @@ def _tile(flat: Layers, *planes: Rows) -> Layers:
     red, green, blue, p, q, rough, metal = planes
     h, w = flat.size
     normals = np.empty((h, w, 3), np.float32)
-    for rows in bands(h, w):
+    for rows in picture_rows(h, w):
         slopes = p[rows], q[rows]
         normals[rows] = normalised(np.stack([*slopes, np.ones_like(slopes[0])], axis=-1))
     height = integrate(Normals(normals, np.ones((h, w), bool)), "periodic").depth
@@ -101,7 +101,7 @@ def _tile(flat: Layers, *planes: Rows) -> Layers:
             np.stack([plane[rows] for plane in (red, green, blue)], axis=-1),
             normals[rows],
             height[rows],
-            between(open_, np.arange(h)[rows] / step, np.arange(w) / step),
+            between_points(open_, np.arange(h)[rows] / step, np.arange(w) / step),
             None if first.roughness is None else rough[rows],
             None if first.metalness is None else metal[rows],
         )
@@ -116,4 +116,4 @@ def closed(layer: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
         jump = across[:, -1].astype(np.float64) - across[:, 0]
         along[:, -1] += jump
         along[:, 0] -= jump
-    return layer + poisson(seam).astype(np.float32)
+    return layer + periodic_poisson(seam).astype(np.float32)

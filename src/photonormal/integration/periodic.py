@@ -42,7 +42,7 @@ class Periodic:
             f += g
             f -= np.roll(g, 1, axis)
         del a, g
-        z = poisson(f)
+        z = periodic_poisson(f)
         if not mask.all():
 
             def laplacian(z: np.ndarray, rows: slice) -> np.ndarray:
@@ -51,11 +51,11 @@ class Periodic:
                 gx, gy = right_ * (z - np.roll(z, -1, 1)), down_[:-1] * (z[:-1] - z[1:])
                 return (gx - np.roll(gx, 1, 1))[1:-1] + gy[1:] - gy[:-1]
 
-            z, _ = conjugate_gradients(laplacian, -f, z, lambda r: poisson(-r), self.tolerance, most=2000)
+            z, _ = conjugate_gradients(laplacian, -f, z, lambda r: periodic_poisson(-r), self.tolerance, most=2000)
         return Surface(np.where(mask, z - z[mask].mean(), np.nan).astype(np.float32), mask)
 
 
-def poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+def periodic_poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
     """z with div grad z = f (five-point, periodic), of mean zero; the mean of `f` is ignored."""
     h, w = f.shape
     v, u = (2 * np.cos(2 * np.pi * np.arange(m) / n) - 2 for m, n in ((h, h), (w // 2 + 1, w)))

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.integration.conjugate import conjugate_gradients
-from photonormal.integration.simchony import poisson
-from photonormal.integration.slopes import Slopes, pairs, surface, weighted_laplacian
+from photonormal.integration.simchony import closed_poisson
+from photonormal.integration.slopes import Slopes, adjacent, surface, weighted_laplacian
 from photonormal.types import Normals, Surface
 
 
@@ -18,7 +18,8 @@ class Quadratic:
     """min sum (z_j - z_i - g_ij)^2 over all neighbours i, j on the mask, which may have several parts and holes.
 
     Smears jumps of the depth over their surroundings. Conjugate gradients with the rectangle's cosine solver
-    (`simchony.poisson`) as preconditioner: about ten iterations for a compact mask, more for a thin or winding one.
+    (`simchony.closed_poisson`) as preconditioner: about ten iterations for a compact mask, more for a thin or winding
+    one.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ class Quadratic:
 
     def solve(self, mask: np.ndarray, f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
         """z with div grad z = f where no flow crosses the border of the mask; `f` sums to zero on each of its parts."""
-        right, down = pairs(mask)
+        right, down = adjacent(mask)
         filled = bool(mask.all())
         np.negative(f, out=f)
         start = rectangle(f, filled)
@@ -53,5 +54,5 @@ class Quadratic:
 
 def rectangle(r: Float[np.ndarray, "h w"], filled: bool) -> Float[np.ndarray, "h w"]:
     """z with -div grad z = r over the whole rectangle."""
-    z = poisson(r, exact=filled)
+    z = closed_poisson(r, exact=filled)
     return np.ascontiguousarray(np.negative(z, out=z))

@@ -29,10 +29,10 @@ class Simchony:
 
     def __call__(self, normals: Normals, K: np.ndarray | None = None) -> Surface:
         slopes = Slopes(normals, K, self.grazing)
-        return surface(poisson(slopes.divergence(), exact=bool(slopes.mask.all())), slopes)
+        return surface(closed_poisson(slopes.divergence(), exact=bool(slopes.mask.all())), slopes)
 
 
-def poisson(f: Float[np.ndarray, "h w"], exact: bool) -> Float[np.ndarray, "h w"]:
+def closed_poisson(f: Float[np.ndarray, "h w"], exact: bool) -> Float[np.ndarray, "h w"]:
     """z with div grad z = f (five-point, no flow through the border), up to a constant; the mean of `f` is ignored.
 
     Cosines are the eigenvectors: z^ = f^ / ((2 cos(pi u / w) - 2) + (2 cos(pi v / h) - 2)). Unless `exact`, the border

@@ -83,7 +83,7 @@ class Slopes:
         for y in range(0, len(mask), ROWS):
             own = min(ROWS, len(mask) - y)
             a, (bx, by) = self.rows(y, min(y + ROWS + 1, len(mask)))  # one more, for the steps down to it
-            right, down = pairs(mask[y : y + len(a)])
+            right, down = adjacent(mask[y : y + len(a)])
             a_x, b_x = (v[:own, :-1] + v[:own, 1:] for v in (a, bx))
             yield (
                 y,
@@ -124,7 +124,7 @@ def steps(
     return np.divide(b + np.roll(b, -1, axis), total, out=np.zeros(a.shape), where=known)
 
 
-def pairs(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], Bool[np.ndarray, "h1 w"]]:
+def adjacent(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], Bool[np.ndarray, "h1 w"]]:
     """Where a pixel and its right neighbour, and where a pixel and its lower neighbour, are both on the mask."""
     return mask[:, :-1] & mask[:, 1:], mask[:-1] & mask[1:]
 

@@ -143,7 +143,7 @@ def likeliest(values: Float[Tensor, "p r"]) -> Float[Tensor, " p"]:
     return torch.exp(log[k] + between * (log[1] - log[0]))[:, 0]
 
 
-def fitted(s: ReflectanceSamples, roughness: Float[Tensor, " p"]) -> FittedLobes:
+def fitted_lobes(s: ReflectanceSamples, roughness: Float[Tensor, " p"]) -> FittedLobes:
     """The lobes in least squares at a given roughness."""
     matt, g = s.cos_l.clamp(min=0), s.lobe(roughness[:, None])
     both = torch.stack([matt, g], 1)  # (p, 2, n)

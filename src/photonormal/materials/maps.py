@@ -12,7 +12,15 @@ from torch import Tensor
 
 from photonormal.files import memory
 from photonormal.masked import box_of, row_bands
-from photonormal.materials.lobes import BARE, ROUGHNESS, ReflectanceSamples, fitted, likeliest, log_likelihood, samples
+from photonormal.materials.lobes import (
+    BARE,
+    ROUGHNESS,
+    ReflectanceSamples,
+    fitted_lobes,
+    likeliest,
+    log_likelihood,
+    samples,
+)
 from photonormal.materials.neighbours import RADIUS, company, pooled, smooth
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
@@ -77,7 +85,7 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     where = torch.from_numpy(on)
     roughness = _roughness(seen, where, capture.images.shape[3])
     parts = zip(seen, roughness.split(PIXELS), strict=True)
-    fits = side_by_side(lambda part: fitted(part[0].samples(), part[1]), parts, CPU)
+    fits = side_by_side(lambda part: fitted_lobes(part[0].samples(), part[1]), parts, CPU)
     rho, F0, alone, told, certain = (torch.cat([getattr(fit, name) for fit in fits]) for name in FITTED)
 
     def believed(which: Tensor) -> Tensor:

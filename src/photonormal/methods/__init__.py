@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from photonormal.lookup import lookup
-from photonormal.options import check
+from photonormal.options import check_fields
 from photonormal.types import Capture, InputError, Normals, as_capture
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def configure(method: str, **options: Any) -> Method:
     """
     _fields(method, options)
     configured = method_class(method)(**options)
-    check(configured, lambda name: f"{method} with {name}")
+    check_fields(configured, lambda name: f"{method} with {name}")
     return configured
 
 

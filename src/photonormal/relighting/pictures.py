@@ -47,7 +47,7 @@ class Relit:
 
 
 @contextmanager
-def fitted(capture: Capture, basis: Basis) -> Iterator[Relit]:
+def relit_by_fit(capture: Capture, basis: Basis) -> Iterator[Relit]:
     """By the fit to photographs, cut to the mask's box, black outside it; its coefficients lie on disk."""
     with RelightingFit(capture, basis).layers() as layers:
         yield Relit(layers, lambda C, light: np.tensordot(basis(light).astype(np.float32), C, 1))

@@ -42,7 +42,7 @@ def _check_folder(folder: Path) -> None:
         raise InputError(f"{folder} is no folder but one with photographs is needed; give that.")
 
 
-def in_order_of(names: Sequence[str], pictures: Sequence[Path], folder: Path) -> list[Path]:
+def spheres_in_order(names: Sequence[str], pictures: Sequence[Path], folder: Path) -> list[Path]:
     """The sphere's pictures in the order of the object's: by name where names agree, else as they come."""
     by_name = {p.name: p for p in pictures}
     if all(name in by_name for name in names):

@@ -14,14 +14,14 @@ import photonormal
 from photonormal.calibration.circle import Circle, SphereError
 from photonormal.calibration.mirror import mean_directions, nearest_point
 from photonormal.calibration.sphere import Projection, Sphere, look_at_spheres
-from photonormal.capture.images import ImageFiles, parts, read_mask
+from photonormal.capture.images import ImageFiles, files_of, read_mask
 from photonormal.capture.pictures import find_mask, find_pictures, parse_images
 from photonormal.disk import at_once, refuse_taken
 from photonormal.geometry import angle_deg, in_frame
 from photonormal.options import Coordinate, Positive, check_value
 from photonormal.progress import progress
 from photonormal.resources import by_one_thread
-from photonormal.rig.pictures import brightest_of, in_order_of, numbered_pictures, pictures_of
+from photonormal.rig.pictures import brightest_of, numbered_pictures, pictures_of, spheres_in_order
 from photonormal.types import InputError
 
 AUTO = "AUTO"  # the spheres are in the object's own photographs
@@ -73,7 +73,7 @@ def calibrate(
     refused = out.with_name(f"{out.stem}_refused.png")
     given = [_circle(c) for c in circles]
     refuse_taken(files.values(), overwrite)
-    from photonormal.calibration.picture import beside, drawn
+    from photonormal.calibration.picture import drawn, in_one_row
     from photonormal.export import lights as text
     from photonormal.export.folder import as_json
     from photonormal.png import encode_png
@@ -132,7 +132,7 @@ def calibrate(
         for name, rows in tables.items():
             batch.write(files[name].name, text.table(rows))
         batch.write(files["report"].name, as_json(content))
-        batch.write(files["picture"].name, encode_png(beside(pictures)))
+        batch.write(files["picture"].name, encode_png(in_one_row(pictures)))
         batch.write(out.name, text.lp(names, tables["table"]))
         if refused.is_file():
             batch.remove.append(refused.name)
@@ -178,7 +178,7 @@ def _shown(found: Sequence[Sphere], L: np.ndarray, written: np.ndarray, names: S
 
 def _images(folder: Path, names: Sequence[str], kept: Sequence[int]) -> ImageFiles:
     """The sphere's pictures of a folder that belong to those `kept` of the object's pictures `names`."""
-    paths = in_order_of(names, numbered_pictures(folder), folder)
+    paths = spheres_in_order(names, numbered_pictures(folder), folder)
     return ImageFiles([paths[j] for j in kept], None, np.ones((len(kept), 1)))
 
 
@@ -197,7 +197,7 @@ def _spheres(
     return look_at_spheres(
         lambda j: images[j] * scale,
         images.shape[1:3],
-        [parts(p)[0].name for p in images.pictures],
+        [files_of(p)[0].name for p in images.pictures],
         folder.resolve().name,
         circles=circles,
         mask=None if mask is None else read_mask(mask),

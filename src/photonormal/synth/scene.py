@@ -31,7 +31,7 @@ from photonormal.synth.meshes import draw_views, mesh_folder
 from photonormal.synth.params import indices, log_uniform, tensor
 from photonormal.synth.recipes import Rendering
 from photonormal.synth.sculptor import draw_solids
-from photonormal.synth.sensor import turned
+from photonormal.synth.sensor import misaligned
 from photonormal.synth.shadows import distant, nearby
 from photonormal.synth.trace import Geometry, Solid, WindowView, approach, survey
 
@@ -82,7 +82,7 @@ def lights_of_scenes(recipe: Rendering, g: np.random.Generator, b: int, n: int) 
     """True directions (b, n, 3): drawn ones, or those around the recipe's by as much as measurements err."""
     if not recipe.directions:
         return draw_lights(g, b, n, recipe.narrow, recipe.rig)
-    return turned(np.tile(recipe.directions, (b, 1, 1)), g, recipe.light_error_deg * g.random(b))
+    return misaligned(np.tile(recipe.directions, (b, 1, 1)), g, recipe.light_error_deg * g.random(b))
 
 
 def frame(scenes: Scenes, size: int) -> tuple[WindowView, Float[Tensor, "b p"]]:
@@ -143,7 +143,7 @@ def _highest_near(height: Float[Tensor, "b s s"], width: int) -> Float[Tensor, "
     return F.max_pool2d(h, (width, 1), 1, (width // 2, 0))[:, 0]
 
 
-def render(
+def shaded(
     scenes: Scenes, geometry: Geometry, pixels: Int[Tensor, "b p"], recipe: Rendering, shelf: Library | None, seed: int
 ) -> Float[Tensor, "b n 3 p"]:
     """Radiance over irradiance of a white surface (1 at its brightest) at some pixels, for each light."""

@@ -63,7 +63,7 @@ def photograph(
     return torch.where(steps > 0, counted.round_().clamp_(min=0).minimum(steps) / steps.clamp(min=1), I)
 
 
-def turned(L: np.ndarray, g: np.random.Generator, sigma_deg: np.ndarray) -> np.ndarray:
+def misaligned(L: np.ndarray, g: np.random.Generator, sigma_deg: np.ndarray) -> np.ndarray:
     """Directions (b, n, 3) measured with an error of `sigma_deg` (b,) degrees about each of two axes."""
     tilt = g.normal(size=L.shape) * np.radians(sigma_deg)[:, None, None]
     tilt -= (tilt * L).sum(-1, keepdims=True) * L
@@ -142,7 +142,7 @@ def corrupt(I: Pictures, share: Float[np.ndarray, " c"], g: np.random.Generator)
     return I
 
 
-def measured(
+def sensed(
     I: Pictures,
     L: Float[Tensor, "b n 3"],
     height: Tensor,
@@ -183,5 +183,5 @@ def measured(
     if recipe.directions:
         known = np.tile(recipe.directions, (b, 1, 1))
     else:
-        known = turned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
+        known = misaligned(L.cpu().numpy().astype(np.float64), g, recipe.light_error_deg * g.random(b))
     return I, drawn(known).repeat_interleave(c, 0)

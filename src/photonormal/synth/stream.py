@@ -18,8 +18,8 @@ from photonormal.synth.library import Library, data_folder, library
 from photonormal.synth.materials import at_points
 from photonormal.synth.params import rng, take, to_device
 from photonormal.synth.recipes import Rendering, parts
-from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, render, windows
-from photonormal.synth.sensor import measured
+from photonormal.synth.scene import ELEMENTS, Scenes, draw_scenes, frame, shaded, windows
+from photonormal.synth.sensor import sensed
 from photonormal.synth.trace import WindowView, visible_surface
 from photonormal.types import InputError
 
@@ -166,7 +166,7 @@ def render_windows(
         return RenderedBatch(none, scenes.lights, none[:, 0], torch.zeros(0, 1, w, w, dtype=torch.bool, device=device))
     offsets = (torch.arange(w)[:, None] * s + torch.arange(w)).flatten().to(device)
     pixels = (corner[..., None] + offsets).flatten(1)  # (b, c w w)
-    I = render(scenes, geometry, pixels, recipe, shelf, seed)  # (b, n, 3, c w w)
+    I = shaded(scenes, geometry, pixels, recipe, shelf, seed)  # (b, n, 3, c w w)
     I = I.view(b, n, 3, c, w, w).movedim(3, 1).flatten(0, 1)  # (b c, n, 3, w, w)
 
     def cut(maps: Tensor) -> Tensor:
@@ -174,5 +174,5 @@ def render_windows(
 
     N, mask, height = cut(geometry.normals), cut(geometry.mask[:, None]), cut(geometry.height[:, None])
     generator = torch.Generator(device).manual_seed(seed)
-    I, L = measured(I * mask[:, None], scenes.lights, height[:, 0], mask[:, 0], recipe, g, generator)
+    I, L = sensed(I * mask[:, None], scenes.lights, height[:, 0], mask[:, 0], recipe, g, generator)
     return RenderedBatch(I * mask[:, None], L, N, mask)

@@ -104,7 +104,7 @@ def visible_surface(solids: Implicit | MeshViews, view: WindowView, start: Float
     x, y = view.rays(s)
     z, hit = _cross(field, x, y, start, 0.4 * px)
     p = torch.stack([x, y, z], 1)  # (b, 3, p)
-    n = gradient(field, p)
+    n = surface_gradient(field, p)
     n = n / n.norm(dim=1, keepdim=True).clamp(min=1e-12)
     mask = hit & (n[:, 2] > 0.01)
 
@@ -149,7 +149,7 @@ def _onward(f: Field, x: Tensor, y: Tensor, z: Tensor, shortest: Tensor, deepest
     return met
 
 
-def gradient(f: Field, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b 3 p"]:
+def surface_gradient(f: Field, p: Float[Tensor, "b 3 p"]) -> Float[Tensor, "b 3 p"]:
     """Exact gradient of an implicit function."""
     with torch.enable_grad():
         p = p.detach().requires_grad_()

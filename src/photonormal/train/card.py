@@ -14,7 +14,7 @@ import torch
 import photonormal
 from photonormal.disk import at_once
 from photonormal.methods.learned.network import Model, parameters
-from photonormal.methods.learned.weights import encoded
+from photonormal.methods.learned.weights import weights_file
 
 LICENCE = "MIT"
 TITLES = {  # kind of exam -> its heading
@@ -29,7 +29,7 @@ TITLES = {  # kind of exam -> its heading
 
 def export(out: Path, name: str, net: Model, trained: dict[str, Any]) -> Path:
     """Write `name`.safetensors (bf16) and `name`.md into `out`; returns the weights file."""
-    data = encoded(trained["network"], net, trained)
+    data = weights_file(trained["network"], net, trained)
     with at_once(out) as batch:
         batch.write(f"{name}.safetensors", data)
         batch.write(f"{name}.md", card(name, net, trained, hashlib.sha256(data).hexdigest()).encode())

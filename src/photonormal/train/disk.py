@@ -23,7 +23,7 @@ from photonormal.synth import RenderedBatch
 from photonormal.synth.params import rng
 from photonormal.synth.recipes import parts
 from photonormal.train.recipes import Recipe
-from photonormal.train.sets import SampleSet, check, fewest_pictures, opened
+from photonormal.train.sets import SampleSet, check_samples, fewest_pictures, opened
 from photonormal.types import Capture
 
 AHEAD = 3  # batches that are read while the network learns from another
@@ -56,7 +56,7 @@ class Disk:
 
     def check(self) -> None:
         """Look at every sample; InputError where one lacks something or the recipe can't show it."""
-        check(self.sets, self.recipe.images[0], self.crop)
+        check_samples(self.sets, self.recipe.images[0], self.crop)
 
     def told(self) -> list[dict[str, Any]]:
         """What a checkpoint and a card say of the sets."""

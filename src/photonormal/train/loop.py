@@ -21,7 +21,7 @@ from photonormal.capture.lights import read_lights
 from photonormal.disk import at_once, refuse_taken
 from photonormal.methods.engine.prior import prior_named
 from photonormal.methods.learned.processor import computing_in, keep_freed_memory
-from photonormal.methods.learned.weights import checksum, load
+from photonormal.methods.learned.weights import checksum, load_network
 from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.train import checkpoint, recipes
 from photonormal.train.card import command, device_name, export
@@ -107,7 +107,7 @@ def train(
         raise InputError(f"batch {recipe.batch} can't be shared by {world} processes; choose a divisor of the batch.")
     if recipe.moved < 1 and not start_from:
         raise InputError(f"a recipe with moved={recipe.moved:g} needs weights to begin with; give --start-from FILE.")
-    begun = load(Path(start_from), recipe.network) if start_from else None
+    begun = load_network(Path(start_from), recipe.network) if start_from else None
     if disk and rank == 0:
         disk.check()
     if not resume and rank == 0:

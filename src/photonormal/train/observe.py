@@ -18,7 +18,7 @@ from photonormal.methods.inputs.grey import grey
 from photonormal.methods.inputs.maps import about_view
 from photonormal.methods.inputs.scaling import moment, scaled
 from photonormal.methods.learned.lightsnet import LightsNet
-from photonormal.methods.learned.weights import load, shipped
+from photonormal.methods.learned.weights import load_network, shipped
 from photonormal.methods.uncalibrated.guess import looked
 from photonormal.train.recipes import Recipe
 
@@ -65,7 +65,7 @@ def observe(batch: Any, recipe: Recipe, scaling: str, step: int, rank: int = 0, 
     e = drawn_intensities(recipe, lights.shape[:2], draw).to(images)
     images = images * e[..., None, None, None]
     if recipe.lights:
-        images, lights = under_told(telling(recipe.lights, images.device), images, mask)
+        images, lights = under_told(teller_of_lights(recipe.lights, images.device), images, mask)
     prior = prior_normals(name, images, lights, normals, mask, draw)
     if vary and recipe.dark:
         images = images * (torch.rand(images.shape, generator=draw) >= recipe.dark).to(images)
@@ -121,9 +121,9 @@ def drawn_intensities(recipe: Recipe, shape: torch.Size, draw: torch.Generator) 
 
 
 @cache
-def telling(name: str, device: torch.device) -> LightsNet:
+def teller_of_lights(name: str, device: torch.device) -> LightsNet:
     """The network that tells lights, of the package's weights."""
-    return load(shipped(name), "lightsnet", device)
+    return load_network(shipped(name), "lightsnet", device)
 
 
 @torch.no_grad()

@@ -23,7 +23,7 @@ from photonormal.scoring import score
 from photonormal.scoring.lights import intensity_error, score_lights
 from photonormal.shading import angle_deg
 from photonormal.synth.recipes import RECIPES as SCENES
-from photonormal.train.observe import Observed, observe, telling
+from photonormal.train.observe import Observed, observe, teller_of_lights
 from photonormal.train.recipes import Recipe
 
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
@@ -110,7 +110,9 @@ def on_real(net: Model, device: torch.device, recipe: Recipe) -> dict[str, float
         if isinstance(net, LightsNet):
             found[name] = score_lights(guess(net, raw, device).lights.numpy(), known.known_lights()).mean_deg
         elif isinstance(net, Network) and known.truth is not None:
-            capture = guess(telling(recipe.lights, device), raw, device).shown_by(raw) if recipe.lights else known
+            capture = (
+                guess(teller_of_lights(recipe.lights, device), raw, device).shown_by(raw) if recipe.lights else known
+            )
             normals = on_mask(measured(net, capture, device, passes=recipe.passes), capture)
             found[name] = score(normals, known.truth).mean_deg
     net.train()

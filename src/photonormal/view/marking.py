@@ -28,7 +28,7 @@ from photonormal.progress import progress
 from photonormal.rig.mask import MASK_PICTURES
 from photonormal.rig.pictures import images_of, numbered_pictures
 from photonormal.types import InputError
-from photonormal.view.planes import colours, evenly, exact
+from photonormal.view.planes import as_webp, evenly, exact
 
 SIDE = 1600  # pixels of the longest side on the page; larger photographs are reduced by a whole number
 
@@ -96,7 +96,7 @@ class Marking:
         """Photograph j as WebP."""
         level = means(self.images[j] / self.white, self.step)
         scale = max(float(np.quantile(level, 0.995)), 1e-6)
-        return colours(display(np.broadcast_to(level / scale, (*self.shown, 3))))
+        return as_webp(display(np.broadcast_to(level / scale, (*self.shown, 3))))
 
     def mask_bytes(self) -> bytes:
         """The suggested mask, (rows, columns) of `shown`, 1 on the object, as the page's tiles are."""

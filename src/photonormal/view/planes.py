@@ -47,7 +47,7 @@ class Plane:
         rows = np.arange(y * SIDE - 1, min((y + 1) * SIDE, h) + 1).clip(0, h - 1)
         columns = np.arange(x * SIDE - 1, min((x + 1) * SIDE, w) + 1).clip(0, w - 1)
         part = whole[rows[0] : rows[-1] + 1][rows - rows[0]][:, columns]
-        return colours(part) if self.kind == "colour" else exact(part)
+        return as_webp(part) if self.kind == "colour" else exact(part)
 
 
 def plane(kind: str, whole: np.ndarray) -> Plane:
@@ -104,7 +104,7 @@ def exact(part: np.ndarray) -> bytes:
     return zlib.compress(little.view(np.uint8).reshape(h, w, c, -1).transpose(3, 2, 0, 1).tobytes(), 3)
 
 
-def colours(part: np.ndarray) -> bytes:
+def as_webp(part: np.ndarray) -> bytes:
     """A picture (h, w, 3) as WebP."""
     import cv2
 

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from photonormal import load
 from photonormal.capture.lights import read_lights
-from photonormal.doctor import check
+from photonormal.doctor import findings_of
 from photonormal.types import InputError
 from tests.capture.files import LIGHTS, refusal, samples, write_folder, write_picture
 
@@ -255,7 +255,7 @@ class TestNames:
         capture = load(folder)
         np.testing.assert_allclose(capture.known_lights(), LIGHTS, atol=1e-5)
         assert "names no pictures" in capture.notes[0]
-        found = [finding for finding in check(capture) if finding.kind == "reading"]
+        found = [finding for finding in findings_of(capture) if finding.kind == "reading"]
         assert [finding.message for finding in found] == list(capture.notes)
 
     def test_row_numbers_are_no_names(self, folder):

@@ -10,7 +10,7 @@ from msgspec import Meta
 from photonormal.bench.figures import Wish
 from photonormal.bench.figures.style import COLOURS, LINES, MARKERS, Figure
 from photonormal.options import Whole
-from photonormal.stored import LONGEST, Word, converted, decoded, read_bytes
+from photonormal.stored import LONGEST, Word, converted, decoded, stored_bytes
 from photonormal.types import InputError
 
 JOURNAL = "journal.jsonl"  # what photonormal.train writes
@@ -73,7 +73,7 @@ def read_journal(folder: Path) -> dict[str, list[tuple[int, float]]]:
     """kind -> (step, error in degrees) of a training's journal; of a step written twice, the later."""
     path = folder / JOURNAL if folder.is_dir() else folder
     found: dict[str, dict[int, float]] = {}
-    for i, line in enumerate(read_bytes(path, ADVICE, LONGEST).splitlines()):
+    for i, line in enumerate(stored_bytes(path, ADVICE, LONGEST).splitlines()):
         if line.strip():
             what = f"{path}, line {i + 1}"
             entry = decoded(line, JournalLine, what, ADVICE)

@@ -19,7 +19,7 @@ HERE = Path(__file__).parent
 LIMIT = 12  # objects of a dataset with maps, unless they are named
 
 
-def report(
+def write_page(
     runs: str | Path,
     out: str | Path,
     methods: Sequence[str] = (),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from html import escape
 
-from photonormal.bench.formats import beside, costs, heading, notes, published_rows, shortfall
+from photonormal.bench.formats import costs, heading, notes, published_rows, set_against, shortfall
 from photonormal.bench.tables import ErrorTable, MethodRow
 
 
@@ -51,7 +51,7 @@ def _cells(row: MethodRow, table: ErrorTable) -> list[str]:
         rank = table.rank(column).get(row.label, 0)
         text = {1: f"<b>{text}</b>", 2: f"<u>{text}</u>"}.get(rank, text)
         text += shortfall(row, table, column)
-        small = f"<small>{beside(cell)}</small>" if cell.published is not None else ""
+        small = f"<small>{set_against(cell)}</small>" if cell.published is not None else ""
         found.append(f'<td data-value="{cell.value:.6f}">{text}{small}</td>')
     return found
 

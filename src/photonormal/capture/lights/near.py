@@ -10,7 +10,7 @@ from photonormal.types import Camera, InputError, Lamps
 LONG = 10.0  # vectors that are all so long are rather positions in mm than directions
 
 
-def placed(
+def placed_lamps(
     lights: np.ndarray | None,
     mm_per_px: float | None,
     dome_radius_mm: float | None,

@@ -45,7 +45,7 @@ def prepared(method: Method, capture: Capture) -> Capture:
 
 def run_as_it_is(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
     """The same of a capture that is `prepared`."""
-    check(method, capture)
+    check_needs(method, capture)
     if capture.lamps is not None and not method.needs.finds_lights:
         from photonormal.methods.engine.near import UnderLamps
 
@@ -55,7 +55,7 @@ def run_as_it_is(method: Method, capture: Capture, device: torch.device, rows: s
     return found if rows else not_dark(found, capture)
 
 
-def check(method: Method, capture: Capture) -> None:
+def check_needs(method: Method, capture: Capture) -> None:
     """InputError where a capture is not what a method needs."""
     needs, n = method.needs, capture.images.shape[0]
     if n < needs.images:

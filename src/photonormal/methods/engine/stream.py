@@ -27,7 +27,7 @@ from photonormal.methods.inputs.scaling import scaled
 from photonormal.methods.learned.network import Network, PixelNetwork, placed
 from photonormal.methods.learned.processor import inner_precision
 from photonormal.methods.uncalibrated.guess import guess
-from photonormal.methods.uncalibrated.limits import check
+from photonormal.methods.uncalibrated.limits import check_findable
 from photonormal.progress import progress
 from photonormal.types import Capture, InputError
 
@@ -39,7 +39,7 @@ def streamed(method: Streaming, capture: Capture, device: torch.device, rows: sl
     """What a method's networks tell of a capture, or of some rows of it."""
     first = None
     if (net := method.lights_network()) is not None:
-        check(capture)
+        check_findable(capture)
         first = guess(net, capture, device)
         capture = first.shown_by(capture)
     net, prior = method.network(), method.prior or None

@@ -96,6 +96,6 @@ class QuarterView(nn.Module):
         ]
 
 
-def joined(x: Float[Tensor, "b c h w"], y: Float[Tensor, "b c i j"]) -> Float[Tensor, "b c h w"]:
+def with_quarter(x: Float[Tensor, "b c h w"], y: Float[Tensor, "b c i j"]) -> Float[Tensor, "b c h w"]:
     """What was seen at a quarter of the resolution added; a pixel takes it from at most two quarter pixels around."""
     return x + F.interpolate(y, scale_factor=4, mode="bilinear")

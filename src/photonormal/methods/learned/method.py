@@ -11,7 +11,7 @@ from torch import Tensor
 
 from photonormal.methods.contract import Needs, Observations
 from photonormal.methods.learned.network import Network
-from photonormal.methods.learned.weights import checksum, load, shipped
+from photonormal.methods.learned.weights import checksum, load_network, shipped
 from photonormal.options import Rotations
 
 
@@ -35,7 +35,7 @@ class Weighted:
 
     def network(self) -> Network:
         """The network with its weights."""
-        return load(self.file, self.name)
+        return load_network(self.file, self.name)
 
     def lights_network(self) -> Any:
         """None: lights are given."""

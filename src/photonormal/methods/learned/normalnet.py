@@ -18,7 +18,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from photonormal.methods.contract import Observations
-from photonormal.methods.learned.around import Level, QuarterView, Refine, begun, joined, starting_at
+from photonormal.methods.learned.around import Level, QuarterView, Refine, begun, starting_at, with_quarter
 from photonormal.methods.learned.frame import Encoder, PriorFrame, SharedFrame, shading, tokens
 from photonormal.methods.learned.layers import SLOPE, Block, conv, unit
 from photonormal.methods.learned.method import Learned
@@ -169,7 +169,7 @@ class NormalNet(PixelNetwork):
             Step(
                 "told",
                 ("near", "around", "frame"),
-                lambda x, y, frame: self.tell(joined(x, y), frame, n),
+                lambda x, y, frame: self.tell(with_quarter(x, y), frame, n),
                 reach=sees,
             ),
         ]

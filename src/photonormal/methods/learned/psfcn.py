@@ -15,7 +15,7 @@ from photonormal.methods.learned.layers import conv, deconv, kaiming, unit
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network, at_pixels
 from photonormal.methods.learned.pooling import Pooled
-from photonormal.methods.learned.weights import load
+from photonormal.methods.learned.weights import load_network
 from photonormal.types import InputError
 
 
@@ -100,7 +100,7 @@ class PSFCNNormalised(Learned):
 
 def psfcn(file: Path, normalised: bool) -> Network:
     """PS-FCN's network from a weights file that was trained with or without normalised observations."""
-    net = load(file, "psfcn")
+    net = load_network(file, "psfcn")
     if net.config.normalised != normalised:
         kind = "psfcn-normalised" if net.config.normalised else "psfcn"
         raise InputError(f"weights {file} are for {kind}; measure with method {kind}, or give other weights.")

@@ -10,7 +10,7 @@ from photonormal.methods.learned.lightsnet import LightsNet
 from photonormal.methods.learned.method import Learned
 from photonormal.methods.learned.network import Network
 from photonormal.methods.learned.psfcn import PSFCN, psfcn
-from photonormal.methods.learned.weights import LIGHTS, checksum, load, shipped
+from photonormal.methods.learned.weights import LIGHTS, checksum, load_network, shipped
 from photonormal.methods.uncalibrated.limits import LEAST
 
 
@@ -41,7 +41,7 @@ class SDPS(Learned):
         return psfcn(self.file, normalised=False)
 
     def lights_network(self) -> LightsNet:
-        return load(self.lights_file, "lightsnet")
+        return load_network(self.lights_file, "lightsnet")
 
     @property
     def lights_file(self) -> Path:

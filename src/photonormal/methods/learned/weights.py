@@ -60,7 +60,7 @@ def shipped(name: str) -> Path:
     return SHIPPED / f"{name}.safetensors"
 
 
-def encoded(network: str, net: Model, trained: dict, dtype: torch.dtype = torch.bfloat16) -> bytes:
+def weights_file(network: str, net: Model, trained: dict, dtype: torch.dtype = torch.bfloat16) -> bytes:
     """A weights file: the weights with what is needed to build their network again.
 
     `trained` says how they were learned (recipe, seed, steps, ...), in values that JSON knows.
@@ -78,7 +78,7 @@ def encoded(network: str, net: Model, trained: dict, dtype: torch.dtype = torch.
     return save(tensors, metadata)
 
 
-def load(path: Path, network: str | None = None, device: torch.device | str = "cpu") -> Any:
+def load_network(path: Path, network: str | None = None, device: torch.device | str = "cpu") -> Any:
     """The network of a weights file, ready to measure.
 
     Raises

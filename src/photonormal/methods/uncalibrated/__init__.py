@@ -20,6 +20,6 @@ def found_lights(capture: Capture, how: LightsFrom, device: str = "auto") -> Fou
 
         return refined(capture)
     from photonormal.methods.engine.device import torch_device
-    from photonormal.methods.uncalibrated.unknown import told
+    from photonormal.methods.uncalibrated.unknown import unknown_lights
 
-    return told(capture, torch_device(device))
+    return unknown_lights(capture, torch_device(device))

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.methods.uncalibrated.frame import BASRELIEF, FEWEST, STEEP, FrameEvidence, fitted, on_map, part_of
+from photonormal.methods.uncalibrated.frame import BASRELIEF, FEWEST, STEEP, FrameEvidence, as_grid, fitted, part_of
 
 APART = 4  # pixels between which it is compared
 FLOOR = (0.02, 0.02, 0.04)  # least standard error under many lights, tilts and depth
@@ -25,9 +25,9 @@ def unshaded(
 
     rho (1 - n.E n) is, to first order, the albedo in the mapped frame. None where too few pixels have neighbours.
     """
-    known = on_map((rho > 0) & (N[:, 2] > STEEP), inside)
-    n = on_map(N.double(), inside)
-    log = on_map(torch.where(rho > 0, rho, 1).double().log(), inside)
+    known = as_grid((rho > 0) & (N[:, 2] > STEEP), inside)
+    n = as_grid(N.double(), inside)
+    log = as_grid(torch.where(rho > 0, rho, 1).double().log(), inside)
     follows = n * n[..., 2:]  # (h, w, 3)
     pairs = []
     for along in (0, 1):

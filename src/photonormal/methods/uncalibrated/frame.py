@@ -169,13 +169,13 @@ def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> FrameEvidence 
 
 def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> CurlResidual | None:
     """The curl of N's slopes, to first order in the map's five numbers; None where too few normals have neighbours."""
-    map = on_map(N.double(), inside)
+    map = as_grid(N.double(), inside)
     there = map[..., 2] > STEEP
     k = STEP
     sides = [(slice(k, -k), slice(None, -2 * k)), (slice(k, -k), slice(2 * k, None))]
     sides += [(columns, rows) for rows, columns in sides]
     left, right, above, below = (map[side] for side in sides)
-    whole = there[k:-k, k:-k] & torch.stack([on_map(N.norm(dim=1), inside)[side] > 0.5 for side in sides]).all(0)
+    whole = there[k:-k, k:-k] & torch.stack([as_grid(N.norm(dim=1), inside)[side] > 0.5 for side in sides]).all(0)
     if int(whole.sum()) < FEWEST:
         return None
     b = map[k:-k, k:-k][whole]
@@ -221,7 +221,7 @@ def fitted(
     return theta, inverse @ (pull.T @ pull) @ inverse
 
 
-def on_map(values: Tensor, inside: Bool[Tensor, "h w"]) -> Tensor:
+def as_grid(values: Tensor, inside: Bool[Tensor, "h w"]) -> Tensor:
     """Values (p, ...) at the pixels inside as a map (h, w, ...), zero elsewhere."""
     map = values.new_zeros(*inside.shape, *values.shape[1:])
     map[inside] = values

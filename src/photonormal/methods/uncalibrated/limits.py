@@ -12,7 +12,7 @@ LEAST = 6  # photographs; of fewer any lights explain nearly everything
 SPREAD_DEG = 4.0  # of lights, in the direction in which they differ least, below which normals can't be found
 
 
-def check(capture: Capture) -> None:
+def check_findable(capture: Capture) -> None:
     """InputError where lights can't be found from the photographs."""
     n = capture.images.shape[0]
     if capture.lamps is not None:

@@ -12,7 +12,7 @@ from torch import Tensor
 from photonormal.geometry import angle_deg
 from photonormal.lighting import FoundLights
 from photonormal.methods.uncalibrated.frame import Believed, curl
-from photonormal.methods.uncalibrated.limits import LEAST, check
+from photonormal.methods.uncalibrated.limits import LEAST, check_findable
 from photonormal.methods.uncalibrated.rounds import SETTLED_DEG, misfit, normals_under, rounds
 from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.methods.uncalibrated.untold import shape_of_lights
@@ -71,7 +71,7 @@ def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
         If there are no lights, they are near, or there are too few photographs.
     """
     L = torch.from_numpy(capture.known_lights()).float()
-    check(capture)
+    check_findable(capture)
     with progress("lights"):
         shown = ShownPixels.of(capture)
         s, N, moved_deg = rounds(shown, L, given(L))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import torch
 
 from photonormal.lighting import FoundLights
-from photonormal.methods.learned.weights import LIGHTS, load, shipped
+from photonormal.methods.learned.weights import LIGHTS, load_network, shipped
 from photonormal.methods.uncalibrated.frame import Believed
 from photonormal.methods.uncalibrated.guess import guess
-from photonormal.methods.uncalibrated.limits import check, refuse_narrow, spread_deg
+from photonormal.methods.uncalibrated.limits import check_findable, refuse_narrow, spread_deg
 from photonormal.methods.uncalibrated.rounds import rounds
 from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.methods.uncalibrated.untold import shape_of_lights, side_of_lights
@@ -26,7 +26,7 @@ FAR_OFF = 1.5  # and times the breadth of the network's answer, from which on ne
 BROAD_DEG = 20.0  # of the network's answer, from which on it is doubtful
 
 
-def told(capture: Capture, device: torch.device) -> FoundLights:
+def unknown_lights(capture: Capture, device: torch.device) -> FoundLights:
     """Directions and intensities of a capture's distant lights from its photographs alone.
 
     Raises
@@ -35,11 +35,11 @@ def told(capture: Capture, device: torch.device) -> FoundLights:
         If there are too few photographs, they differ in nothing but brightness, or their lights are all in about one
         plane or direction.
     """
-    check(capture)
+    check_findable(capture)
     with progress("lights"):
         shown = ShownPixels.of(capture)
         refuse_unshaded(shown, capture.name)
-        first = guess(load(shipped(LIGHTS), "lightsnet"), capture, device)
+        first = guess(load_network(shipped(LIGHTS), "lightsnet"), capture, device)
         start = first.lights * first.intensities[:, None]
         off = GUESS_OFF * float(first.told_deg.mean().deg2rad())
         believed = Believed(first.lights, INDEPENDENT, first.intensities, off=off)

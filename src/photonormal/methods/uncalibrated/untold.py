@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.methods.uncalibrated.frame import curl_of, on_map
+from photonormal.methods.uncalibrated.frame import as_grid, curl_of
 from photonormal.methods.uncalibrated.limits import spread_deg
 from photonormal.outline import Outline
 
@@ -43,7 +43,7 @@ def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tup
 def side_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
     """What is known of bulge or hollow: no matt shading, highlight or shadow of a surface on itself tells them, only an
     outline where it turns away from the camera, which is that of a bulge, or of a bowl that is seen up to its rim."""
-    outline = Outline.of(on_map(N, inside).numpy(), inside.numpy())
+    outline = Outline.of(as_grid(N, inside).numpy(), inside.numpy())
     if outline is None:
         return (HOLLOW,)
     leaning = (outline.n[:, :2] * outline.away).sum(-1)

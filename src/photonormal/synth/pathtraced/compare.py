@@ -24,10 +24,10 @@ from photonormal.synth.pathtraced.meshes import Triangles, polygonise
 from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
 from photonormal.synth.pathtraced.tracer import OrthographicCamera, eroded
 from photonormal.synth.recipes import Rendering, recipe
-from photonormal.synth.scene import Scenes, draw_scenes, frame, heights, render
+from photonormal.synth.scene import Scenes, draw_scenes, frame, heights, shaded
 from photonormal.synth.sculptor import KINDS
 from photonormal.synth.shadows import distant
-from photonormal.synth.trace import NOWHERE, Geometry, gradient, visible_surface
+from photonormal.synth.trace import NOWHERE, Geometry, surface_gradient, visible_surface
 
 REACH = 1.7  # half side of the cube that holds a drawn solid
 
@@ -175,7 +175,7 @@ def compare(
 def _render(scenes: Scenes, geometry: Geometry, made: Rendering) -> Float[np.ndarray, "n s s 3"]:
     s = geometry.mask.shape[-1]
     pixels = torch.arange(s * s)[None]
-    I = render(scenes, geometry, pixels, made, None, 0)[0]  # (n, 3, s s)
+    I = shaded(scenes, geometry, pixels, made, None, 0)[0]  # (n, 3, s s)
     return I.view(-1, 3, s, s).permute(0, 2, 3, 1).numpy()
 
 
@@ -194,10 +194,10 @@ def solid(field: Any, cells: int) -> Triangles:
     step = float(np.linalg.norm(np.diff(mesh.vertices[mesh.faces[:1, :2]][0], axis=0)))
     inner = p.abs().amax(-1) < REACH * 0.97  # not where the cube cuts the solid
     for _ in range(2):  # onto the surface
-        g = apart(lambda q: gradient(field, q), p).T  # (v, 3)
+        g = apart(lambda q: surface_gradient(field, q), p).T  # (v, 3)
         d = apart(field, p) / g.square().sum(-1).clamp(min=0.05)
         p = p - (d.clamp(-step, step) * inner)[:, None] * g
-    g = apart(lambda q: gradient(field, q), p).T
+    g = apart(lambda q: surface_gradient(field, q), p).T
     normals = (g / g.norm(dim=-1, keepdim=True).clamp(min=1e-9)).double().numpy()
     moved = Triangles(p.double().numpy(), mesh.faces)
     return replace(moved, normals=np.where(inner.numpy()[:, None], normals, moved.smooth_normals()))

@@ -21,7 +21,7 @@ ATTRIBUTES = ("vertex_base", "vertex_surface", "vertex_cloth", "vertex_coat")  #
 BRIGHTEST = 60.0  # bound of pi f: a white matt surface has 1
 
 
-def measured(folder: Path, family: str) -> dict[str, np.ndarray]:
+def fitted_parameters(folder: Path, family: str) -> dict[str, np.ndarray]:
     """Parameters of the fitted materials by name: (33,) of `sgd`, (9,) of `abc`.
 
     Raises

@@ -27,7 +27,7 @@ from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.cycles import KINDS, cells, kind_of_material
 from photonormal.synth.pathtraced.meshes import Triangles
 from photonormal.synth.pathtraced.objects import OBJECTS
-from photonormal.synth.pathtraced.reflectance import bsdf, measured
+from photonormal.synth.pathtraced.reflectance import bsdf, fitted_parameters
 from photonormal.synth.pathtraced.tracer import OrthographicCamera
 from photonormal.synth.pathtraced.write import write_cyclesps, write_object
 from photonormal.types import InputError
@@ -105,7 +105,7 @@ def render_scene_set(
     if min(counts, default=0) < 3 or resolution < 8:
         raise InputError(f"{counts} lights at {resolution} pixels came but at least 3 and 8 are needed; ask for more.")
     folder = _data(data)
-    fits = measured(folder / "brdf", family) if made.surface == "measured" else {}
+    fits = fitted_parameters(folder / "brdf", family) if made.surface == "measured" else {}
     chosen = _chosen(name, list(fits) or list(made.shapes), objects)
     out = cache_folder(name) if out is None else Path(out)
     settings = {

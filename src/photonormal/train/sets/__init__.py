@@ -109,7 +109,7 @@ def fewest_pictures(sets: Sequence[SampleSet]) -> int:
     return min(s.shape(key).pictures for s, some in keys for key in (some[:1] if s.alike else some))
 
 
-def check(sets: Sequence[SampleSet], images: int, crop: int) -> None:
+def check_samples(sets: Sequence[SampleSet], images: int, crop: int) -> None:
     """Look at every sample's lists and headers.
 
     Raises

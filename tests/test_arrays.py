@@ -57,7 +57,10 @@ def test_masks_of_numbers(mask):
 def test_what_is_no_number_is_dark_and_what_is_infinite_is_bright():
     images = IMAGES.copy()
     images[2, 20, 20], images[3, 20, 20], images[4, 21, 21] = np.nan, -np.inf, np.inf
-    found = np.asarray(Capture(images, TRUTH.mask, LIGHTS).images)
+    images[5, 0, 0] = np.nan  # beside the object
+    capture = Capture(images, TRUTH.mask, LIGHTS)
+    found = np.asarray(capture.images)
+    assert "of 2 pixels inside the mask some samples are NaN" in capture.notes[0] and not PLAIN.notes
     assert found[2, 20, 20] == found[3, 20, 20] == 0 and found[4, 21, 21] == IMAGES.max()
 
 
@@ -112,14 +115,15 @@ def test_mistakes_are_one_line():
 import photonormal as pn
 n = pn.Normals([[[0, 0, 1]]])
 for call in (lambda: pn.solve("demo"), lambda: pn.measure("demo"), lambda: pn.check(3), lambda: pn.score(n, None),
-             lambda: pn.score(None, n), lambda: pn.integrate("n.png"), lambda: pn.save("n.png", "m.png")):
+             lambda: pn.score(None, n), lambda: pn.integrate("n.png"), lambda: pn.save("n.png", "m.png"),
+             lambda: pn.solve(pn.load("demo"), len)):
     try:
         call()
     except pn.InputError as error:
         print(error)
 """
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.splitlines()
-    assert len(said) == 7 and all("is needed; " in line for line in said)
+    assert len(said) == 8 and all("is needed; " in line for line in said)
     assert said[0].startswith("'demo' came but a Capture is needed") and said[3].startswith("the true normals are None")
 
 

@@ -23,14 +23,15 @@ def as_array(value: Any, what: str) -> np.ndarray:
     return array
 
 
-def as_images(value: Any) -> Any:
+def as_images(value: Any) -> tuple[Any, np.ndarray | None]:
     """Pictures (n, h, w, c) float32, full scale at 1 if they are integers; what decodes them one by one stays.
 
-    What is no number becomes 0, which is dark; what is infinite becomes the brightest sample.
+    What is no number becomes 0, which is dark; what is infinite becomes the brightest sample. Where that was, (h, w),
+    comes second; None where all is finite.
     """
     if not (isinstance(value, list | tuple) or hasattr(value, "__array__")):
         if hasattr(value, "shape") and hasattr(value, "__getitem__"):
-            return value
+            return value, None
         raise InputError(
             f"images are {type(value).__name__} but an array (n, h, w, 1 or 3) is needed; photonormal.load reads files."
         )
@@ -46,9 +47,10 @@ def as_images(value: Any) -> Any:
     if images.ndim == 3 and images.shape[-1] > 0:  # grey
         images = images[..., None]
     known = np.isfinite(images)
-    if not known.all():
-        images = np.nan_to_num(images, nan=0, posinf=images.max(where=known, initial=0), neginf=0)
-    return images
+    if images.ndim != 4 or known.all():
+        return images, None
+    images = np.nan_to_num(images, nan=0, posinf=images.max(where=known, initial=0), neginf=0)
+    return images, np.asarray(~known.all(axis=(0, 3)))
 
 
 def as_mask(value: Any, shape: tuple[int, int]) -> np.ndarray:

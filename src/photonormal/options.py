@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, get_args, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 from msgspec import Meta
@@ -64,11 +64,17 @@ def check_value(value: Any, kind: Any, called: str) -> None:
     try:
         msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
-        needed = _meaning(kind) or str(error).removeprefix("Expected ").split(", got")[0]
+        needed = _meaning(kind) or _plainly(kind) or str(error).removeprefix("Expected ").split(", got")[0]
     else:
         needed = "" if not isinstance(value, float) or math.isfinite(value) else _meaning(kind) or "a finite number"
     if needed:
         raise InputError(f"{called} {str(value)[:60]} came but {needed} is needed.")
+
+
+def _plainly(kind: Any) -> str:
+    """What a number is called that may be left out; "" for other kinds."""
+    kind = kind.__origin__ if get_origin(kind) is Annotated else kind
+    return {(float, type(None)): "a number", (int, type(None)): "a whole number"}.get(get_args(kind), "")
 
 
 def _meaning(kind: Any) -> str:

@@ -117,7 +117,8 @@ class Capture:
 
     def __post_init__(self) -> None:
         given = np.shape(self.images) if isinstance(self.images, np.ndarray) else ()
-        object.__setattr__(self, "images", as_images(self.images))
+        images, unknown = as_images(self.images)
+        object.__setattr__(self, "images", images)
         shape = tuple(self.images.shape)
         if len(shape) != 4 or shape[3] not in (1, 3):
             raise InputError(f"images are {shape} but (n, h, w, 1 or 3) is needed; stack pictures of one size.")
@@ -137,6 +138,12 @@ class Capture:
                 f"mask is {self.mask.shape} {self.mask.dtype} but images are {(h, w)}; "
                 "give a bool mask of the pictures' own size."
             )
+        if unknown is not None and (unknown := unknown & self.mask).any():
+            note = (
+                f"of {int(unknown.sum())} pixels inside the mask some samples are NaN, which are taken as black, or "
+                "infinite, which are taken as the brightest; leave these pixels out of the mask."
+            )
+            object.__setattr__(self, "notes", (*self.notes, note))
         if not self.mask.any():
             raise InputError("the mask is empty but at least one pixel must be on the object; white marks the object.")
         if not self.image_names:

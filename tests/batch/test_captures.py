@@ -56,6 +56,7 @@ def test_a_list_has_options_of_its_own(place, tmp_path):
     ("text", "says"),
     [
         ("capture,ring\n1,many\n", "capture 1: ring many came but a whole number"),
+        ('capture,elevation\n1,"40,5"\n', "capture 1: elevation 40,5 came but a number is needed"),
         ("capture,srgb\n1,yes\n", "capture 1: srgb yes came but true or false is needed"),
         ("capture,rings\n1,8\n", "has the option 'rings', which there is not"),
         ("capture,name\n1,../x\n", "is called '../x'"),

@@ -159,6 +159,12 @@ def test_pictures_of_two_kinds(tmp_path, paths, other, came):
     assert came in message and "30 x 24 pixels" in message and "other.png" in message
 
 
+def test_pictures_that_are_white_all_over_are_called_overexposed(tmp_path):
+    white = [write_picture(tmp_path / f"{j}.png", np.full((*MASK.shape, 3), 255, np.uint8)) for j in range(2)]
+    files = ImageFiles(white, MASK, np.ones((2, 1)), distinct=True)
+    assert "0.png and 1.png are white all over the object; expose less" in refusal(lambda: [files[0], files[1]])
+
+
 class TestMasks:
     @pytest.mark.parametrize("white", [1, 3, 255])
     def test_any_white(self, tmp_path, white):
@@ -172,6 +178,14 @@ class TestMasks:
 
     def test_bools(self, tmp_path):
         np.testing.assert_array_equal(read_mask(write_picture(tmp_path / "mask.npy", MASK)), MASK)
+
+    @pytest.mark.parametrize("shade", [0, 40, "photograph"])
+    def test_a_thing_that_was_cut_out_is_where_it_is_opaque(self, tmp_path, shade):
+        grey = (
+            np.arange(MASK.size).reshape(MASK.shape) * 7 % 251 if shade == "photograph" else np.full(MASK.shape, shade)
+        )
+        picture = np.stack([grey, grey, grey, 255 * MASK], axis=-1).astype(np.uint8)
+        np.testing.assert_array_equal(read_mask(write_picture(tmp_path / "mask.png", picture)), MASK)
 
     def test_jpeg_ringing_is_no_object(self, tmp_path):
         path = write_picture(tmp_path / "mask.jpg", MASK.astype(np.uint8) * 255)

@@ -25,6 +25,11 @@ COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import ma
         ("measuer a", "no command 'measuer'; perhaps measure is meant; choose from measure, score"),
         ("measure demo --out b --method wodham", "no method 'wodham'; perhaps woodham is meant; choose from"),
         ("", "Expected one of {measure, score"),
+        ("measure a --out b --ambient x", "Unrecognized options: --ambient, x; see photonormal measure --help."),
+        (
+            "calibrate a --ring 8",
+            "photonormal calibrate has no option --ring, but batch, check, intensities, measure, watch",
+        ),
     ],
 )
 def test_wrong_options_are_one_line(capsys, words, says):

@@ -129,6 +129,14 @@ class TestRefusals:
         (rig / "chrome" / "09.png").unlink()
         self.refused(capsys, rig, rig / "object", "--sphere", rig / "chrome", "--out", rig / "l.lp", says="8 lights")
 
+    def test_a_picture_of_the_object_that_the_sphere_lacks(self, rig, capsys):
+        """Its others are called as the object's, so that the order of what is there would be another."""
+        for j in range(9):
+            (rig / "chrome" / f"{j + 1:02d}.png").rename(rig / "chrome" / f"DSC {j + 1:03d}.png")
+        (rig / "chrome" / "DSC 004.png").rename(rig / "chrome" / "DSC 010.png")
+        where = (rig / "object", "--sphere", rig / "chrome", "--out", rig / "l.lp")
+        self.refused(capsys, rig, *where, says="no picture that is called DSC 004.png")
+
     def test_a_file_that_exists(self, rig, capsys):
         (rig / "l.lp").write_text("mine")
         self.refused(capsys, rig, rig / "object", "--sphere", rig / "chrome", "--out", rig / "l.lp", says="--overwrite")

@@ -150,7 +150,9 @@ def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, d
             if option in OWN or value in ("", None):
                 continue
             if option not in kinds:
-                raise InputError(f"{where} has the option {key[:40]!r}, which there is not; see `photonormal measure`.")
+                raise InputError(
+                    f"{where} has the option {key[:40]!r}, which there is not; see `photonormal measure --help`."
+                )
             options[option] = _value(value, kinds[option], f"{where}: {key}", path.parent)
         yield capture, name, options
 

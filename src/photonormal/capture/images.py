@@ -70,14 +70,25 @@ def planes(picture: Picture) -> list[PicturePart]:
 def read_mask(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
     """True where the picture, laid on black where it is transparent, is brighter than half of its maximum: (h, w).
 
+    Of a thing that was cut out of a photograph it is true where that is not transparent, however dark the thing is.
     Its size must be `frame`, where that is given.
     """
     samples = decode_all(path, frame)
     if samples.shape[2] in (2, 4):
-        level = samples[..., :-1].max(-1).astype(np.float32) * samples[..., -1].astype(np.float32)
+        colour, alpha = samples[..., :-1].max(-1), samples[..., -1]
+        opaque = alpha > 0.5 * float(alpha.max())
+        if not opaque.all() and not _drawn(colour[opaque]):
+            return opaque
+        level = colour.astype(np.float32) * alpha.astype(np.float32)
     else:
         level = samples.max(-1)
     return level > 0.5 * float(level.max())
+
+
+def _drawn(colour: np.ndarray) -> bool:
+    """Whether these are the black and the white of a mask, and not of a photograph."""
+    dark, bright = (colour <= 0.1 * float(colour.max(initial=0))), (colour >= 0.9 * float(colour.max(initial=0)))
+    return bool((dark & ~bright).any() and bright.any() and (dark | bright).mean() > 0.95)
 
 
 class ImageFiles:
@@ -159,6 +170,11 @@ class ImageFiles:
             return
         if not np.array_equal(crop, _decode(self.pictures[other], self.frame)[self.box]):
             return
+        if self.dtype.kind == "u" and crop.min() == full_scale(crop):
+            raise InputError(
+                f"{picture_name(self.pictures[other])} and {picture_name(self.pictures[j])} are white all over the "
+                "object; expose less, and photograph it again."
+            )
         alike = [picture_name(p) for p in self.pictures if np.array_equal(crop, _decode(p, self.frame)[self.box])]
         raise InputError(
             f"{len(alike)} photographs ({', '.join(alike)}) are equal in every sample but each needs a light of its "

@@ -111,7 +111,8 @@ def no_pictures(folder: Path) -> InputError:
     if below:
         some = ", ".join(below[:8]) + (f" and {len(below) - 8} more" if len(below) > 8 else "")
         return InputError(
-            f"{folder} holds no pictures, but folders in it do: {some}; give one of them, such as {folder / below[0]}."
+            f"{folder} holds no pictures, but folders in it do: {some}; give one of them, such as {folder / below[0]}, "
+            f"or all of them to `photonormal batch '{folder}/*'`."
         )
     if unread:
         return InputError(

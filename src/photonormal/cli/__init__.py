@@ -74,10 +74,11 @@ def main(arguments: list[str] | None = None, interrupted: Callable[[], bool] = l
 def parsed(arguments: list[str] | None) -> Any:
     """The command that the words of the command line ask for; InputError where they can't be understood."""
     told = io.StringIO()
+    commands = {c.__name__.lower(): c for c in COMMANDS}
     try:
         with contextlib.redirect_stderr(told):
             command = tyro.extras.subcommand_cli_from_dict(
-                {c.__name__.lower(): c for c in COMMANDS},
+                commands,
                 prog="photonormal",
                 description="Surface normals, depth and meshes from photographs under known lights: calibrate, "
                 "check, measure, view. --version prints which photonormal this is.",
@@ -86,6 +87,8 @@ def parsed(arguments: list[str] | None) -> Any:
     except SystemExit as ended:
         if not ended.code:  # --help
             raise
-        raise InputError(one_line(told.getvalue())) from None
+        words = sys.argv[1:] if arguments is None else arguments
+        command = words[0] if words and words[0] in commands else ""
+        raise InputError(one_line(told.getvalue(), command)) from None
     check_fields(command, lambda name: f"--{name.replace('_', '-')}")
     return command

@@ -20,8 +20,9 @@ NO_NUMBER = (  # of an option that must be one, or may be left out
 )
 
 
-def one_line(box: str) -> str:
-    """What a box of tyro's about wrong options says: what it names and what it suggests, without all of the help."""
+def one_line(box: str, command: str = "") -> str:
+    """What a box of tyro's about wrong options of a command says: what it names and what it suggests, without all of
+    the help. Of an option that only other commands have it says which."""
     lines = [line[2:].rstrip(" │") for line in box.splitlines()[1:]]  # the first is a title, the border may be blank
     parts = re.split(r"\n*[─-]{4,}[╯\n]*", "\n".join(lines).strip("\n"))
     said, meant = [], ""
@@ -40,8 +41,26 @@ def one_line(box: str) -> str:
         known = unknown[2].split(", ")
         close = "".join(f"; perhaps {name} is meant" for name in get_close_matches(unknown[1], known, 1))
         return f"no command {unknown[1][:LONGEST]!r}{close}; choose from {', '.join(known)}."
+    own = f"photonormal {command} --help" if command else "photonormal --help"
+    if other := re.match(r"Unrecognized or misplaced options: (--[\w-]+) \(applied to (photonormal \w+)\)", told):
+        if there := _commands_with(other[1], lines):
+            have = "have" if there[1:] else "has"
+            return f"{other[2]} has no option {other[1]}, but {', '.join(there)} {have}; see {own}."
+        told = f"Unrecognized options: {other[1]}"
     message = re.sub(r"^Error parsing (\S+): ", r"\1 can't be understood: ", told) or "wrong options"
-    return f"{message[:LONGEST]}{meant}; see {see.group() if see else 'photonormal --help'}."
+    return f"{message[:LONGEST]}{meant}; see {see.group() if see and see.group() != 'photonormal --help' else own}."
+
+
+def _commands_with(option: str, lines: list[str]) -> list[str]:
+    """The commands that a box of tyro's names below the option."""
+    found, below = set(), ""
+    for line in lines:
+        words = line.split()
+        if words[:1] and words[0].startswith("--"):
+            below = words[0]
+        elif below == option and words[:2] == ["in", "photonormal"]:
+            found.add(words[2])
+    return sorted(found)
 
 
 def fault(error: Exception, arguments: list[str] | None) -> str:

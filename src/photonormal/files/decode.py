@@ -108,6 +108,10 @@ def full_scale(samples: np.ndarray) -> float:
 
 def _kind(path: Path) -> Any:
     module = KINDS.get(path.suffix.lower())
+    if module is None and not path.suffix and not path.is_file():
+        raise InputError(
+            f"{path} is {'a folder' if path.is_dir() else 'not there'} but a picture is needed; correct it."
+        )
     if module is None:
         raise InputError(
             f"{path} is a {path.suffix or 'nameless'} file but a picture is needed; "

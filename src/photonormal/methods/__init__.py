@@ -49,6 +49,11 @@ KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "
 
 def method_class(name: str) -> type:
     """The class of a method; its fields are the method's options."""
+    if not isinstance(name, str):
+        raise InputError(
+            f"the method is {type(name).__name__} but a name is needed; choose from {', '.join(METHODS)}, or make "
+            'one of your own known: METHODS["mine"] = "mine:Mine".'
+        )
     if name not in METHODS:
         close = "".join(f"; perhaps {other} is meant" for other in get_close_matches(name, METHODS, 1))
         raise InputError(f"no method {name!r}{close}; choose from {', '.join(METHODS)}.")

@@ -47,6 +47,13 @@ def spheres_in_order(names: Sequence[str], pictures: Sequence[Path], folder: Pat
     by_name = {p.name: p for p in pictures}
     if all(name in by_name for name in names):
         return [by_name[name] for name in names]
+    missing = [name for name in names if name not in by_name]
+    if len(missing) < len(names) / 2:
+        raise InputError(
+            f"{folder} shows the sphere in no picture that is called {', '.join(missing[:8])}"
+            f"{' and others' * (len(missing) > 8)}, but its others are called as the object's; move those of the "
+            "object elsewhere, or add the sphere's."
+        )
     if len(pictures) != len(names):
         raise InputError(
             f"{folder} shows the sphere under {len(pictures)} lights but there are {len(names)} photographs of the "

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 import torch
 
-from photonormal.methods.uncalibrated.untold import BULGE, FLAT, HOLLOW, REGULAR, shape_of_lights, side_of_lights
+from photonormal.methods.uncalibrated.untold import (
+    BULGE,
+    FLAT,
+    HOLLOW,
+    REGULAR,
+    leaning,
+    off_by,
+    shape_of_lights,
+    side_of_lights,
+)
 
 SIZE = 64
 X, Y = np.meshgrid(np.linspace(-1, 1, SIZE), np.linspace(1, -1, SIZE))
@@ -42,7 +51,15 @@ def test_a_regular_surface_leaves_lights_open(name, left_open):
 
 
 def test_only_an_outline_where_the_surface_turns_away_tells_a_bulge_from_a_hollow():
-    assert side_of_lights(*surface("sphere")) == (BULGE,)
-    assert side_of_lights(*surface("waves")) == (HOLLOW,)
+    assert side_of_lights(leaning(*surface("sphere"))) == (BULGE,)
+    assert side_of_lights(leaning(*surface("waves"))) == (HOLLOW,)
     N, inside = surface("sphere")
-    assert side_of_lights(N * torch.tensor([-1.0, -1.0, 1.0]), inside) == (HOLLOW,)
+    assert side_of_lights(leaning(N * torch.tensor([-1.0, -1.0, 1.0]), inside)) == (HOLLOW,)
+
+
+def test_how_far_lights_are_off_is_told_of_objects_seen_whole_alone():
+    assert "about 2 degrees off" in off_by(2.0, leaning(*surface("sphere")))
+    assert "can't be told" in off_by(2.0, leaning(*surface("waves")))
+    N, inside = surface("sphere")
+    cap = inside & torch.from_numpy(np.hypot(X, Y) < 0.5)  # a dome whose rim still faces the camera
+    assert "can't be told" in off_by(2.0, leaning(N[cap[inside]], cap))

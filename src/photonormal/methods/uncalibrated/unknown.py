@@ -11,7 +11,7 @@ from photonormal.methods.uncalibrated.guess import guess
 from photonormal.methods.uncalibrated.limits import check_findable, refuse_narrow, spread_deg
 from photonormal.methods.uncalibrated.rounds import rounds
 from photonormal.methods.uncalibrated.shown import ShownPixels
-from photonormal.methods.uncalibrated.untold import shape_of_lights, side_of_lights
+from photonormal.methods.uncalibrated.untold import leaning, off_by, shape_of_lights, side_of_lights
 from photonormal.progress import progress
 from photonormal.shading import angle_deg, normalised
 from photonormal.types import Capture, InputError
@@ -55,8 +55,8 @@ def unknown_lights(capture: Capture, device: torch.device) -> FoundLights:
         "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
     )
     off_deg = float(first.told_deg.mean()) * (REFINED_OFF if settled else GUESS_OFF)
-    off = f"about {off_deg:.0f} degrees off, at times three times that"
-    notes = [f"the lights were found from the photographs alone{alone}; {off}."]
+    outwards = leaning(N, shown.inside)
+    notes = [f"the lights were found from the photographs alone{alone}; {off_by(off_deg, outwards)}."]
     if doubtful := float(first.told_deg.mean()) > BROAD_DEG:
         notes.append(
             "Which way the light comes from is doubtful: what bulges may be a hollow, and relief too deep or too flat; "
@@ -64,7 +64,7 @@ def unknown_lights(capture: Capture, device: torch.device) -> FoundLights:
         )
     notes += shape_of_lights(N, shown.inside)
     if not doubtful:
-        notes += side_of_lights(N, shown.inside)
+        notes += side_of_lights(outwards)
     if tint(shown) > TINTED:
         notes.append(
             "The lights differ in colour, and one intensity of each was found: colours of the albedo are wrong."

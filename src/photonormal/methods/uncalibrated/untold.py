@@ -14,6 +14,7 @@ from photonormal.outline import Outline
 CURVED_DEG = 2.0  # of normals, below which a surface is bent in one direction at most
 IRREGULAR = 0.005  # least curl that a change of the lights makes, mean square, over what it is made of
 OUTWARDS = 0.5  # median of n.o along an outline where the surface turns away, o pointing outwards in the picture
+WHOLE = 0.75  # the same of objects that are seen whole, whose lights a network tells; of reliefs it is less
 FLAT = (
     "The surface is nearly flat, or bent in one direction at most, like a cylinder, so the other direction of each "
     "light is uncertain."
@@ -40,11 +41,28 @@ def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tup
     return () if float(torch.linalg.eigvalsh(told.power())[0]) > IRREGULAR else (REGULAR,)
 
 
-def side_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
-    """What is known of bulge or hollow: no matt shading, highlight or shadow of a surface on itself tells them, only an
-    outline where it turns away from the camera, which is that of a bulge, or of a bowl that is seen up to its rim."""
+def leaning(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> float:
+    """How far normals along the outline point outwards, 1 where the surface turns away; 0 where the frame cuts it."""
     outline = Outline.of(as_grid(N, inside).numpy(), inside.numpy())
-    if outline is None:
-        return (HOLLOW,)
-    leaning = (outline.n[:, :2] * outline.away).sum(-1)
-    return (BULGE,) if float(np.median(leaning)) > OUTWARDS else (HOLLOW,)
+    return 0.0 if outline is None else float(np.median((outline.n[:, :2] * outline.away).sum(-1)))
+
+
+def side_of_lights(outwards: float) -> tuple[str, ...]:
+    """What is known of bulge or hollow: no matt shading, highlight or shadow of a surface on itself tells them, only an
+    outline where it turns away from the camera, which is that of a bulge, or of a bowl that is seen up to its rim.
+    `outwards` is the `leaning`."""
+    return (BULGE,) if outwards > OUTWARDS else (HOLLOW,)
+
+
+def off_by(off_deg: float, outwards: float) -> str:
+    """How far lights are off as a rule, where the outline is that of an object seen whole; else that none can say."""
+    if outwards > WHOLE:
+        return (
+            f"about {off_deg:.0f} degrees off, at times three times that, if the object is seen whole, to where its "
+            "surface turns away from the camera; of a sherd or another domed part they may be off by 25"
+        )
+    return (
+        "how far they are off can't be told, since the outline is none where the surface turns away from the camera: "
+        "of whole objects without a mask it was 3 degrees as a rule, of coins, plates, tablets and cloth "
+        "more than 30; give a mask of the whole object, or lights"
+    )

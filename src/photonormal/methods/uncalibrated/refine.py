@@ -43,17 +43,23 @@ class Proof:
     misfit : at most this part of the misfit under the given lights is left
     less_curl : of the normals, by which mended lights are taken, too: a turn of all lights changes no misfit
     moved_deg : they move by as much in the mean; those that move by less are not looked at further
+    turned_deg : and by as much where only the curl speaks for them
+    halfway : twice the angles to the camera's axis are tried, too
     """
 
     uneven: float
     misfit: float
     less_curl: float
     moved_deg: float
+    turned_deg: float
+    halfway: bool
 
 
-ASKED = Proof(0.2, 0.98, 6.0, 0.0)
-UNASKED = Proof(0.08, 0.6, 16.0, 1.5)  # a broad sheen on a flat relief moves right lights by 2 to 4 degrees, unevenly,
-# and takes a curl of 6 to 11 from weaves; a turn of all by 8 degrees makes one of 17 and more that mended ones lack
+# A broad sheen on a flat relief moves right lights by 2 to 4 degrees, unevenly, and takes a curl of 6 to 39 of weaves;
+# a turn of all by 8 degrees makes one of 17 and more that mended ones lack. Twice the angles mimic the sheen of a plate
+# under narrow lights, and the doctor has more proofs of halfway ones.
+ASKED = Proof(uneven=0.2, misfit=0.98, less_curl=6.0, moved_deg=0.0, turned_deg=0.0, halfway=True)
+UNASKED = Proof(uneven=0.08, misfit=0.6, less_curl=16.0, moved_deg=1.5, turned_deg=3.0, halfway=False)
 
 
 @by_one_thread()
@@ -76,7 +82,7 @@ def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
         shown = ShownPixels.of(capture)
         s, N, moved_deg = rounds(shown, L, given(L))
         halfway = False
-        if unevenness(s) > UNEVEN:
+        if proof.halfway and unevenness(s) > UNEVEN:
             twice = reflected(L)
             other = rounds(shown, twice, given(twice))
             if halfway := unevenness(other[0]) < EVENER * unevenness(s):
@@ -88,7 +94,8 @@ def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
         if told and off_deg.mean() >= proof.moved_deg:
             N_given = normals_under(shown, L)
             better = misfit(shown, N, s) < proof.misfit * misfit(shown, N_given, L)
-            better = better or bent(shown, N) < bent(shown, N_given) - proof.less_curl
+            if not better and off_deg.mean() >= proof.turned_deg:
+                better = bent(shown, N) < bent(shown, N_given) - proof.less_curl
     if not better:
         note = ALRIGHT if told else UNTOLD
         return FoundLights(capture.known_lights(), moved_deg=np.zeros(len(L)), notes=(note,))

@@ -54,6 +54,14 @@ def test_random_errors_of_five_degrees_are_mended(true):
     assert before.mean_deg > 4.5 and after.mean_deg < 1
 
 
+def test_of_a_strip_nothing_is_said():
+    images = np.random.default_rng(0).uniform(size=(8, 6, 1200)).astype(np.float32)
+    strip = Capture(images, lights=scattered(8))
+    assert mended(strip) is None
+    with pytest.raises(InputError, match="so narrow that nothing of it is left"):
+        refined(strip)
+
+
 def test_halfway_vectors_are_told_and_doubled(true):
     halfway = normalised(true.lights + np.array([0, 0, 1]))
     asked = replace(true, lights=shaken(halfway, 2))

@@ -18,7 +18,7 @@ from photonormal.methods.uncalibrated.shown import ShownPixels
 from photonormal.methods.uncalibrated.untold import shape_of_lights
 from photonormal.progress import progress
 from photonormal.resources import by_one_thread
-from photonormal.types import Capture
+from photonormal.types import Capture, InputError
 
 TURNED = 0.2  # standard deviation of a turn of all given lights about the view axis, radians
 UNEVEN = 0.05  # unevenness of lights that were divided by their intensities, from which on they may be halfway vectors
@@ -130,6 +130,9 @@ def mended(capture: Capture) -> FoundLights | None:
     """
     if capture.lights is None or capture.lamps is not None or capture.images.shape[0] < LEAST:
         return None
-    found = refined(capture, UNASKED)
+    try:
+        found = refined(capture, UNASKED)
+    except InputError:  # a strip, of which too little is seen
+        return None
     assert found.moved_deg is not None
     return found if found.moved_deg.any() else None

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from photonormal.methods.inputs.grey import Levels, grey
 from photonormal.methods.uncalibrated.reduced import reduced
-from photonormal.types import Capture
+from photonormal.types import Capture, InputError
 
 SIDE = 128  # pixels of the square that the object is reduced to
 
@@ -33,8 +33,13 @@ class ShownPixels:
 
     @classmethod
     def of(cls, capture: Capture) -> ShownPixels:
-        """Those of a capture."""
+        """Those of a capture; InputError where none is left of it, as of a strip."""
         images, inside = reduced(capture, SIDE)
+        if not inside.any():
+            raise InputError(
+                f"{capture.name} is so narrow that nothing of it is left in the {SIDE} pixels that lights are found "
+                "from; --crop a shorter part of it for that."
+            )
         I = grey(images[None])[0, :, 0][:, inside].T.contiguous()
         levels = Levels.of(I)
         I = levels.cut_(I)

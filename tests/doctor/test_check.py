@@ -140,11 +140,20 @@ def test_a_lamp_that_was_off_is_named(right):
     assert found.grave and found.numbers["pictures"] == ["IMG_6.png"]
 
 
-def test_a_light_of_another_intensity_is_named_with_its_factor(right):
+@pytest.mark.parametrize("factor", [1.5, 1.15, 0.85])
+def test_a_light_of_another_intensity_is_named_with_its_factor(right, factor):
     images = np.array(right.images)
-    images[9] *= 1.5
+    images[9] *= factor
     (found,) = [f for f in findings_of(replace(right, images=images)) if f.kind == "intensities"]
-    assert "IMG_10.png x 1.5" in found.message and not found.grave
+    assert f"1 light is brighter or darker than given (IMG_10.png x {factor:.1f}" in found.message and not found.grave
+
+
+def test_many_lights_that_are_a_little_off_are_left_to_light_between_parts(right):
+    images = np.array(right.images)
+    images[::3] *= 1.15
+    assert "intensities" not in kinds(replace(right, images=images))
+    images[::3] *= 1.2
+    assert "intensities" in kinds(replace(right, images=images))
 
 
 def test_a_lamp_that_was_off_while_other_light_was_on_is_grave(right):

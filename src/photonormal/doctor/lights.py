@@ -16,7 +16,8 @@ from photonormal.doctor.misfit import MATT, OF_PART, MisfitPixels
 from photonormal.doctor.order import BETTER, Orders, order_name
 from photonormal.geometry import angle_deg
 
-OFF = 1.25  # factor by which a light's intensity may be off before it is said
+OFF, FEW = 1.1, 0.25  # factor by which so many of the lights' intensities may be off before it is said
+MANY_OFF = 1.25  # and those of more: bounced light brightens a whole ring of low lamps by a tenth
 SPOILS = 3.0  # factor beyond which one light alone turns normals by degrees
 SPREADS = 4.0  # and how many spreads of the other lights' factors
 LESS_CURL = 0.8  # of what the given intensities make of the pictures, that others have
@@ -157,14 +158,14 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         return all(p.gain(before, after, lit).below(EXPLAINED) for p in (pixels, oriented))
 
     spread = 1.4826 * float(np.median(np.abs(np.log(factor))))
-    if spread > np.log(OFF):
+    if spread > np.log(MANY_OFF):
         if smooth(np.log(factor), L) > SHINING:
             return []
         before, even = lambertian_fit(given, mask), lambertian_fit(given.showing(given.levels / factor), mask)
         smoother = judged(even).curl < LESS_CURL * judged(before).curl
         if not (smoother and pixels.gain(pixels.fit(L)[1], after).below(EXPLAINED)):
             return []
-        off = np.flatnonzero(np.abs(np.log(factor)) > np.log(OFF)).tolist()
+        off = np.flatnonzero(np.abs(np.log(factor)) > np.log(MANY_OFF)).tolist()
         if 2 * sum(map(confirmed, off)) < len(off):
             return []
         message = (
@@ -174,7 +175,10 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         )
         return [Finding("intensities", True, message, numbers)]
 
-    off = np.flatnonzero(np.abs(np.log(factor)) > max(np.log(OFF), SPREADS * spread))
+    by = np.abs(np.log(factor))
+    off = np.flatnonzero(by > max(np.log(OFF), SPREADS * spread))
+    if len(off) > FEW * len(L):
+        off = np.flatnonzero(by > max(np.log(MANY_OFF), SPREADS * spread))
     off = np.array([j for j in off if confirmed(int(j))], int)
     if not off.size:
         return []

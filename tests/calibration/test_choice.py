@@ -1,9 +1,12 @@
 """Which of the circles around the same highlights is the sphere's."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from photonormal.calibration.choice import FoundCircle, apart, corrected
+from photonormal.calibration.choice import FoundCircle, apart, best_of, corrected
 from photonormal.calibration.circle import Circle
 
 
@@ -24,6 +27,14 @@ def test_edges_correct_a_circle_of_shadows():
     cast = circle(104.0, 0.6, 0.97, edges=False)
     assert corrected(cast, [cast, circle(100.0, 0.3, 0.95)]).circle.r == pytest.approx(104 - 4 / 3)
     assert corrected(circle(104.0, 0.6, 0.97), [circle(100.0, 0.6, 0.95)]).circle.r == 104.0  # it is of edges itself
+
+
+def test_a_few_highlights_of_other_things_do_not_outweigh_the_middle_picture():
+    xy = np.array([(290.0, 200.0), (310.0, 200.0), (300.0, 190.0), (300.0, 210.0)])
+    outline = replace(circle(100.0, 0.9, 0.90), xy=xy, usually=0.94)  # a third of its highlights are another thing's
+    between = replace(circle(108.0, 0.5, 0.94, edges=False), xy=xy, usually=0.93)  # no highlight fits well
+    survey = SimpleNamespace(shading=lambda without: np.ones((4, 30)))
+    assert best_of([between, outline], survey, "here").circle.r == 100.0
 
 
 @pytest.mark.parametrize("other", [{"r": 100.0, "shadows": 0.9}, {"r": 140.0, "shadows": 0.95}])

@@ -44,6 +44,7 @@ class FoundCircle:
     supported : its lights explain the shading of the rest of the frame
     unexplained : part of that shading which they don't
     shadows : correlation of what is dark around it with the shadows of that sphere under those lights
+    usually : the same in the middle picture, which a few highlights of other things don't change
     astray : pictures whose highlight is not where their shadow says
     told : pictures whose shadow tells which of several reflections is the light's
     """
@@ -57,6 +58,7 @@ class FoundCircle:
     supported: bool = False
     unexplained: float = 0.0
     shadows: float = 0.0
+    usually: float = 0.0
     astray: tuple[int, ...] = ()
     told: tuple[int, ...] = ()
 
@@ -109,11 +111,11 @@ def overlap(a: Circle, b: Circle) -> bool:
 
 def best_of(around: list[FoundCircle], survey: Survey, where: str) -> FoundCircle:
     """Of circles around one constellation the surest that explains the shadows; where none does, the shading."""
-    most = max(f.shadows for f in around)
-    if most < TELLS:
+    if not any(f.shades for f in around):
         return _best_shaded([f for f in around if f.circle.confidence >= CONFIDENCE] or around, survey, where)
+    most = max(f.usually for f in around)
     least = most - AS_DARK[0] * (1 - most) - AS_DARK[1]
-    chosen = max((f for f in around if f.shadows >= least), key=lambda f: f.circle.confidence)
+    chosen = max((f for f in around if f.usually >= least), key=lambda f: f.circle.confidence)
     chosen = corrected(chosen, around)
     shown = np.isfinite(chosen.xy).all(1)
     left, _ = unexplained(survey.shading([chosen.circle])[shown], directions(chosen.circle, chosen.xy[shown])[0])

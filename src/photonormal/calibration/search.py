@@ -135,7 +135,10 @@ def _in_place(
             xy, _ = around.chosen(c, xy, others)
             xy, clear = around.chosen(c, xy, others)  # on the table that these tell
             found = replace(found, xy=xy, told=tuple(np.flatnonzero(clear)), shadows=around.explained(c, xy))
-        return replace(found, astray=_astray(around.of_each(c, xy))) if found.shades else found
+        if not found.shades:
+            return found
+        each = around.of_each(c, xy)
+        return replace(found, usually=float(np.nanmedian(each)), astray=_astray(each))
 
     def of_edges(c: Circle) -> FoundCircle:
         return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else FoundCircle(c, none, 0.0, 1.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
@@ -162,22 +163,27 @@ def _one(
     read: Photograph, shape: Sequence[int], names: Sequence[str], where: str, found: FoundCircle, camera: Projection
 ) -> Sphere:
     circle = found.circle
-    x0, y0 = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
-    box = np.s_[y0 : int(circle.y + circle.r) + 2, x0 : int(circle.x + circle.r) + 2]
-    cut = Circle(circle.x - x0, circle.y - y0, circle.r)
-    highlights = looked_for(np.stack([darkest_channel(read(j)[box]) for j in range(len(names))]), cut)
+    ball, place = Place.around(circle, circle.r), Place.around(circle, REACH[1] * circle.r + 2)
+    by_shadows = found.shades and circle.r < SMALL
+    dark, roots = [], []
+    for j in range(len(names)):
+        picture = read(j)
+        dark.append(darkest_channel(picture[ball.box]))
+        if by_shadows:
+            roots.append(root(picture[place.box], place.scale))
+    highlights = looked_for(np.stack(dark), replace(circle, x=circle.x - ball.x, y=circle.y - ball.y))
     if not found.shades or circle.r >= faint.LARGEST_PX:  # else shadows will do
         check_number(highlights, names, circle, where)
         check_sizes(highlights, names, circle, where)
-    moved = [h and h.moved(x0, y0) for h in highlights]
+    moved = [h and h.moved(ball.x, ball.y) for h in highlights]
     astray = ()
     if found.shades:
         moved = [h and _as_told(found, j, h) for j, h in enumerate(moved)]
         astray = tuple(j for j, h in enumerate(moved) if h and _elsewhere(found, j, h))
     moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
-    if found.shades and circle.r < SMALL:
-        xy = _by_shadows(read, len(names), circle, xy, found.xy)
+    if by_shadows:
+        xy = faint.moved(xy, _cast(roots, place, circle, found.xy), circle)
         astray = tuple(j for j in astray if np.isnan(xy[j, 0]))
         moved = [
             replace(h or UNSEEN, x=float(x), y=float(y)) if np.isfinite(x) else None
@@ -188,22 +194,35 @@ def _one(
     return Sphere(where, circle, found.rival, tuple(moved), L, points, (shape[0], shape[1]), found.notes, astray)
 
 
-def _by_shadows(read: Photograph, n: int, circle: Circle, xy: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Highlights (n, 2) of a small sphere as it and its shadows tell them together.
+class Place(NamedTuple):
+    """A part of the photographs: where it begins, its rows and columns, and how much it is enlarged to see shadows."""
+
+    x: int
+    y: int
+    box: tuple[slice, slice]
+    scale: float
+
+    @classmethod
+    def around(cls, circle: Circle, half: float) -> Place:
+        """So many pixels on each side of a circle's centre."""
+        x, y = max(0, int(circle.x - half)), max(0, int(circle.y - half))
+        box = slice(y, int(circle.y + half) + 2), slice(x, int(circle.x + half) + 2)
+        return cls(x, y, box, max(1.0, PLACE_SIZE / (2 * half)))
+
+
+def _cast(roots: list[np.ndarray], place: Place, circle: Circle, begin: np.ndarray) -> np.ndarray:
+    """Where a small sphere's shadows say that it mirrors the lamps (n, 2).
 
     Parameters
     ----------
-    xy : its highlights, NaN where none was seen
-    begin : where the search took them to be
+    roots : square roots of the place's grey levels
+    begin : where the search took the lamps to be mirrored
     """
-    half = REACH[1] * circle.r + 2
-    x0, y0 = max(0, int(circle.x - half)), max(0, int(circle.y - half))
-    box = np.s_[y0 : int(circle.y + half) + 2, x0 : int(circle.x + half) + 2]
-    scale = max(1.0, PLACE_SIZE / (2 * half))
-    around = Surroundings.of([root(read(j)[box], scale) for j in range(n)], scale)
-    x, y = ((a + 0.5) * scale - 0.5 for a in (circle.x - x0, circle.y - y0))
-    cast = faint.near(around, Circle(x, y, circle.r * scale), (begin - (x0, y0) + 0.5) * scale - 0.5)
-    return faint.moved(xy, (cast + 0.5) / scale - 0.5 + (x0, y0), circle)
+    scale, corner = place.scale, (place.x, place.y)
+    x, y = ((a + 0.5) * scale - 0.5 for a in (circle.x - place.x, circle.y - place.y))
+    seen = (begin - corner + 0.5) * scale - 0.5
+    cast = faint.near(Surroundings.of(roots, scale), Circle(x, y, circle.r * scale), seen)
+    return (cast + 0.5) / scale - 0.5 + corner
 
 
 def _as_told(found: FoundCircle, j: int, highlight: Highlight) -> Highlight:

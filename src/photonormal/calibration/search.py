@@ -138,7 +138,7 @@ def _in_place(
         if not found.shades:
             return found
         each = around.of_each(c, xy)
-        return replace(found, usually=float(np.nanmedian(each)), astray=_astray(each))
+        return replace(found, usually=_middle(each), astray=_astray(each))
 
     def of_edges(c: Circle) -> FoundCircle:
         return seen(faded(light, c, pixel)) if c.confidence >= CONFIDENCE / 2 else FoundCircle(c, none, 0.0, 1.0)
@@ -169,7 +169,8 @@ def _faintly(found: FoundCircle, around: Surroundings, dark: np.ndarray, pixel: 
     cast = faint.anywhere(around, found.circle, found.xy)
     if _shown(cast) < MIRRORS or not faint.mirrored(dark, cast, pixel):
         return found
-    return replace(found, xy=cast, astray=(), shadows=around.explained(found.circle, cast), notes=(FAINTLY,))
+    by_all, usually = around.explained(found.circle, cast), _middle(around.of_each(found.circle, cast))
+    return replace(found, xy=cast, astray=(), shadows=by_all, usually=usually, notes=(FAINTLY,))
 
 
 def _shown(xy: np.ndarray) -> float:
@@ -177,9 +178,14 @@ def _shown(xy: np.ndarray) -> float:
     return float(np.isfinite(xy).all(1).mean())
 
 
+def _middle(each: np.ndarray) -> float:
+    """Of pictures whose shadow tells something; 0 where none does."""
+    return float(np.nanmedian(each)) if np.isfinite(each).any() else 0.0
+
+
 def _astray(each: np.ndarray) -> tuple[int, ...]:
     """Pictures whose shadow is far less explained than the others'."""
-    middle = float(np.nanmedian(each)) if np.isfinite(each).any() else 0.0
+    middle = _middle(each)
     return tuple(np.flatnonzero(each < middle - max(ASTRAY[0] * (1 - middle), ASTRAY[1])).tolist())
 
 

@@ -14,6 +14,7 @@ from photonormal.capture import images, store
 from photonormal.cli import main
 from photonormal.export import load_normals
 from photonormal.export.result import photograph
+from photonormal.files import memory
 from photonormal.masked import box_of
 from photonormal.methods import DEFAULT
 from photonormal.types import Capture
@@ -69,7 +70,7 @@ def test_every_picture_is_decoded_once(folder, monkeypatch, method, where):
 
     monkeypatch.setattr(images, "decode", counted)
     if where == "scratch":
-        monkeypatch.setattr(store, "SHARE", 10**9)
+        monkeypatch.setattr(memory, "holds", lambda nbytes: False)
         monkeypatch.setattr(store, "SIDE", 16)
     result = pn.measure(pn.load(folder), method, device="cpu")
     photograph(result, box_of(result.normals.mask))

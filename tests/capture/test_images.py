@@ -9,6 +9,7 @@ import pytest
 from photonormal.capture import store
 from photonormal.capture.encoding import Encoding
 from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.files import memory
 from photonormal.masked import box_of
 from photonormal.srgb import to_linear
 from photonormal.types import Capture
@@ -44,7 +45,7 @@ def test_a_second_pass_gives_the_same_without_the_files(paths):
 
 def test_beyond_the_memory_allowed_a_scratch_file_keeps_them(paths, monkeypatch, tmp_path):
     kept = ImageFiles(paths, None, ONE)
-    monkeypatch.setattr(store, "SHARE", 10**9)
+    monkeypatch.setattr(memory, "holds", lambda nbytes: False)
     monkeypatch.setattr(store, "SIDE", 7)
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", None)
@@ -61,7 +62,7 @@ def test_beyond_the_memory_allowed_a_scratch_file_keeps_them(paths, monkeypatch,
 
 
 def test_no_room_for_the_scratch_file(paths, monkeypatch):
-    monkeypatch.setattr(store, "SHARE", 10**9)
+    monkeypatch.setattr(memory, "holds", lambda nbytes: False)
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(10**6, 10**6, 1000))
     files = ImageFiles(paths, None, ONE)
     assert "a scratch file of" in (said := refusal(files.__getitem__, 0)) and "--memory" in said, said

@@ -19,7 +19,6 @@ from photonormal.files.scratch import Scratch
 log = logging.getLogger(__name__)
 
 SIDE = 256  # of a block in a scratch file, pixels
-SHARE = 3  # pictures may take this part of the memory; the rest is for what is done with them (`methods.engine.plan`)
 
 
 class Store:
@@ -41,7 +40,7 @@ class Store:
     @property
     def in_memory(self) -> bool:
         """Whether all samples fit; at the side of what is done with them."""
-        return math.prod(self.shape) * self.dtype.itemsize * SHARE <= memory.allowed()
+        return memory.holds(math.prod(self.shape) * self.dtype.itemsize)
 
     def window(self, j: int, rows: slice, columns: slice) -> np.ndarray:
         """A part of picture `j`, which is read first if it has not been."""
@@ -67,6 +66,7 @@ class Held:
 
     def __init__(self, shape: tuple[int, ...], dtype: np.dtype) -> None:
         self.samples = np.empty(shape, dtype)
+        memory.hold(self.samples)
 
     def put(self, j: int, samples: np.ndarray) -> None:
         """Those of picture `j`."""
@@ -84,7 +84,7 @@ class OnDisk:
         n, h, w, c = shape
         self.side, self.shape, self.dtype = SIDE, (n, -(-h // SIDE), -(-w // SIDE), c), dtype
         self.row, self.nbytes = SIDE * c * dtype.itemsize, scratch_nbytes(shape, dtype)  # a row of a block, all
-        enough = memory.text_of(SHARE * self.nbytes, "")
+        enough = memory.text_of(memory.to_hold(self.nbytes), "")
         self.scratch = Scratch(self.nbytes, f", or allow more memory, such as --memory {enough}")
         log.warning(
             "%s of photographs are kept in a scratch file in %s",

@@ -11,16 +11,22 @@ import tempfile
 from functools import cache
 from pathlib import Path
 from typing import IO
+from weakref import WeakValueDictionary
+
+import numpy as np
 
 from photonormal.types import InputError
 
 SHARE = 8  # one file may take this part of it, decoded: samples become floats, and several are worked on at a time
+PICTURES, WORK = 3, 1_200_000_000  # a capture's pictures may take this part of what lies beyond these bytes, which
+SMALL = 24  # libraries and small windows take; or this part of all; else they lie on disk
 LEAST = 2 * 2**30  # bytes that are allowed on any machine
 UNITS = {"KB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
 UNRESERVED = {errno.EINVAL, errno.ENOSYS, errno.EOPNOTSUPP}  # errors of file systems that keep no room beforehand
 CGROUP = Path("/sys/fs/cgroup")  # where a container's own limit stands on Linux
 
 _given: int | None = None
+_held: WeakValueDictionary[int, np.ndarray] = WeakValueDictionary()
 
 
 def allow(text: str) -> None:
@@ -37,6 +43,26 @@ def allow(text: str) -> None:
 def allowed() -> int:
     """Bytes that the process may use."""
     return _half_of_what_is_free() if _given is None else _given
+
+
+def holds(nbytes: int) -> bool:
+    """Whether a capture's decoded pictures lie in memory: at the side of what is done with them."""
+    return nbytes <= max((allowed() - WORK) // PICTURES, allowed() // SMALL)
+
+
+def hold(samples: np.ndarray) -> None:
+    """Count pictures as held as long as they are."""
+    _held[id(samples)] = samples
+
+
+def held() -> int:
+    """Bytes of pictures that lie in memory."""
+    return sum(samples.nbytes for samples in _held.values())
+
+
+def to_hold(nbytes: int) -> int:
+    """Bytes that have to be allowed for that."""
+    return min(PICTURES * nbytes + WORK, SMALL * nbytes)
 
 
 def check(nbytes: int, what: str) -> None:

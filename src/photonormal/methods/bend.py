@@ -37,7 +37,8 @@ def _bend_deg(N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]) -> F
     for axis in (0, 1):
         a, b = (tuple(s if k == axis else slice(None) for k in (0, 1)) for s in (slice(lag, None), slice(None, -lag)))
         both = mask[a] & mask[b]
-        apart = np.degrees(np.linalg.norm(N[a] - N[b], axis=-1)) * both  # chords: enough where a part is small
+        step = N[a] - N[b]
+        apart = np.degrees(np.sqrt(np.einsum("hwk,hwk->hw", step, step))) * both  # chords: enough where a part is small
         for side in (a, b):
             angles[side] += apart
             pairs[side] += both

@@ -40,7 +40,7 @@ def test_rows_are_told_when_those_around_are_there_and_then_forgotten(monkeypatc
     monkeypatch.setattr(plan, "BLOCK", 0)
     net = network("normalnet-far")
     h, w = 40 * 8, 16
-    look = Look((slice(0, h), slice(0, w)), slice(0, h), 0)
+    look = Look((slice(0, h), slice(0, w)), (slice(0, h), slice(0, w)), 0)
     around, told, kept = Around(net, 4, 0, torch.ones(h, w, dtype=torch.bool), look), 0, []
     with torch.inference_mode():
         for y in range(0, h, 8):

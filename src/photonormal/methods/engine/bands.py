@@ -26,7 +26,7 @@ class Look(NamedTuple):
     """One pass over a window of a box."""
 
     seen: Span
-    told: slice  # rows that are asked for
+    told: Span  # what is asked for
     late: int  # rows by which what it begins with comes later than the pictures
 
 
@@ -35,23 +35,22 @@ def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span
     rows, columns = window.seen
     firsts = range(rows.start // task.band * task.band, rows.stop, task.band)
     parts = [slice(max(y, rows.start), min(y + task.band, rows.stop)) for y in firsts]
-    every = (
-        PixelSamples.of(net, task, window.seen) if parts == [slice(0, len(task.box.mask))] else None
-    )  # of every pass
+    whole = len(parts) == 1 and window.core == tuple(slice(0, side) for side in task.box.mask.shape)
+    every = PixelSamples.of(net, task, window.seen) if whole else None  # of every pass
 
-    def samples(rows: slice) -> PixelSamples:
-        return every or PixelSamples.of(net, task, (rows, columns))
+    def samples(seen: Span) -> PixelSamples:
+        return every or PixelSamples.of(net, task, seen)
 
     found: Iterator[Band] = ((rows, task.look.prior[rows, columns][None].to(task.device)) for rows in parts)
     for number in range(task.passes):
-        seen, told = (window.narrowed((task.passes - number - k) * net.reach).seen[0] for k in (0, 1))
-        found = one_pass(net, task, Look((seen, columns), told, number * net.reach), samples, found)
+        seen, told = (window.narrowed((task.passes - number - k) * net.reach).seen for k in (0, 1))
+        found = one_pass(net, task, Look(seen, told, number * net.reach), samples, found)
     for rows, values in found:
-        yield (rows, window.core[1]), values[0, ..., _moved(window.core[1], -columns.start)].cpu()
+        yield (rows, window.core[1]), values[0].cpu()
 
 
 def one_pass(
-    net: PixelNetwork, task: Task, look: Look, samples: Callable[[slice], PixelSamples], found: Iterable[Band]
+    net: PixelNetwork, task: Task, look: Look, samples: Callable[[Span], PixelSamples], found: Iterable[Band]
 ) -> Iterator[Band]:
     """What the network tells of a window, a band of rows at most at a time, from the last pass's normals and memory.
 
@@ -59,10 +58,10 @@ def one_pass(
     """
     mask = task.box.mask.to(task.device)
     around: list[Around] = []
-    end = look.told.start
+    end = look.told[0].start
     for rows, values in found:
         known = values[:, : 3 + net.memory] * mask[rows, look.seen[1]]
-        seen = samples(rows)
+        seen = samples((rows, look.seen[1]))
         n = seen.I.shape[1]
         around = around or [Around(net, n, quarters, mask, look) for quarters in range(task.rotations)]
         pixels = digested(net, task, seen, known[0])
@@ -108,12 +107,12 @@ class Around:
                 if some:
                     hand_back()  # what each thread has freed: together that is as much as is held
                 last = step is self.steps[-1]
-                within = self.look.told if last else self.look.seen[0]
+                within, wanted = self.look.told if last else self.look.seen
                 rows = slice(self.end(step, number), self.end(step, number + 1))
                 inside = slice(max(rows.start, within.start), min(rows.stop, within.stop))
                 if inside.start >= inside.stop:
                     continue
-                made = self.made(step, rows)[:, :, _over(_moved(inside, -rows.start), step.stride)]
+                made = self.made(step, rows, wanted)[:, :, _over(_moved(inside, -rows.start), step.stride)]
                 if last:
                     told.append(made)
                 else:
@@ -141,8 +140,8 @@ class Around:
         for name, rows in self.kept.items():
             rows.forget(min(self.end(s, self.count) - s.reach for s in self.steps if name in s.reads))
 
-    def made(self, step: Step, rows: slice) -> Float[Tensor, "1 d i j"]:
-        """Some rows of what a step gives, in the window's columns, a few columns by each core."""
+    def made(self, step: Step, rows: slice, wanted: slice) -> Float[Tensor, "1 d i j"]:
+        """Some rows of what a step gives, in the columns wanted, a few of them by each core."""
         high, s = _around(rows, step.reach, self.height), step.stride
 
         def tile(columns: slice) -> Float[Tensor, "1 d i j"]:
@@ -153,7 +152,6 @@ class Around:
             return told[..., _over(_moved(rows, -high.start), s), _over(_moved(columns, -wide.start), s)].float()
 
         tiles = plan.tiles(self.width, (high.stop - high.start) // s**2, step.reach, self.stride)
-        wanted = self.look.seen[1]
         some = [t for t in tiles if t.start < wanted.stop and wanted.start < t.stop]
         parts = side_by_side(tile, some, self.device, plan.at_once()) if len(tiles) > 1 else [tile(tiles[0])]
         whole = torch.cat(parts, dim=3) if len(parts) > 1 else parts[0]

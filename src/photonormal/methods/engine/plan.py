@@ -12,12 +12,12 @@ LEVELS = 2**26  # grey levels held at a time, at most
 LEVEL = 64  # bytes allowed for each, with what is made of them
 SIDE = {"cpu": 2048, "cuda": 1024}  # of a window in pixels, without its margins, at most
 LEAST = 64  # pixels of a window's side, at least
-WINDOW = 2 / 3  # of the memory: the rest is for pictures (`capture.store`)
+WINDOW = 2 / 3  # of the memory, at most
 SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in each quarter turn
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 KEPT = 896  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
 BAND = 2368  # bytes of each pixel of such rows while they are read
-LOADED = 350 * 10**6  # bytes of Python and its libraries
+LOADED = 420 * 10**6  # bytes of Python and its libraries, and what a first look leaves behind
 FOUND = 40  # bytes of each pixel of the box, for what is found of it: it lies beside the windows
 ASIDE = 8  # on disk where it would take more than this part of the memory
 MASKS = 8  # bytes of each pixel that are left then
@@ -26,6 +26,7 @@ ROWS = 128  # such rows, about, where a picture is wide
 TILE = 3 * 2**14  # pixels looked at together there, by each core, at most
 COLUMNS = 512  # of them, at most: a window that shows some of them makes them all
 TILES = 1 / 6  # of the memory, for these
+SLACK = 1.1  # memory taken over what is held: pieces that were freed lie between those that are not
 MOST = 512  # such rows that are read together
 
 
@@ -50,40 +51,48 @@ def tile(
     own. A network that sees pixels by themselves has windows as high as the box, as wide if it can. `side`: of a window
     and of such rows, in place of what fits.
     """
-    most, margin = SIDE.get(device.type, SIDE["cuda"]), 2 * passes * net.reach
+    beside = memory.held() + LOADED + (MASKS if lies_aside(box, device) else FOUND) * box[0] * box[1]
     if isinstance(net, PixelNetwork):
-        wide, band = (side, block(box, net.stride)) if side else _band(net, passes, rotations, device, box, n)
+        wide, band = (side, block(box, net.stride)) if side else _band(net, passes, rotations, device, box, n, beside)
         return (box[0], _down(wide, net.stride)), band
-    held = rotations * SEEN / WINDOW
-    if not side and device.type == "cpu" and held * box[0] * box[1] > memory.allowed():
+    most, margin = SIDE.get(device.type, SIDE["cuda"]), 2 * passes * net.reach
+    each, free = rotations * SEEN, int(min(WINDOW * memory.allowed(), memory.allowed() - beside))
+    if not side and device.type == "cpu" and each * box[0] * box[1] > free:
         least = min((LEAST + margin) ** 2, box[0] * box[1])
-        _refuse(int(held * least), f"a window of {LEAST} pixels with {margin // 2} around it")
-        most = min(most, int((memory.allowed() / held) ** 0.5) - margin)
+        _refuse(
+            int(max(beside + each * least, each * least / WINDOW)),
+            f"a window of {LEAST} pixels with {margin // 2} around it",
+        )
+        most = min(most, int((free / each) ** 0.5) - margin)
     most = _down(side or most, net.stride)
     return (most, most), most
 
 
 def _band(
-    net: PixelNetwork, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int
+    net: PixelNetwork, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int, beside: int
 ) -> tuple[int, int]:
     """Width of a window without its margins, and its rows that are looked at together."""
     h, w = box
-    margin, around = 2 * passes * net.reach, net.reach + 2 * net.stride
-    kept, read = KEPT * rotations * passes, BAND * rotations + SAMPLE * n  # bytes of a pixel
+    around = net.reach + 2 * net.stride
+    kept, read = KEPT * rotations, BAND * rotations + SAMPLE * n  # bytes of a pixel, in each pass and while it is read
+    tiles = at_once() * SEEN * min(TILE, h * w)
 
-    def needed(wide: int, rows: int) -> float:
-        return min(w, wide + margin) * (kept * min(rows + around, h) + read * rows) / (WINDOW - TILES)
+    def needed(wide: int, rows: int) -> int:
+        seen = [min(w, wide + 2 * k * net.reach) for k in range(1, passes + 1)]  # the last pass first
+        return int(beside + SLACK * (tiles + sum(seen) * kept * min(rows + around, h) + seen[-1] * read * rows))
 
-    beside, rows = LOADED + (MASKS if lies_aside(box, device) else FOUND) * h * w, block(box, net.stride)
-    allowed = max(memory.allowed() - beside, memory.allowed() // 2)
+    rows = block(box, net.stride)
     if device.type != "cpu":
         return w, rows * max(1, SIDE["cuda"] ** 2 // w // rows)
-    least = max(net.stride, _down(rows // 2, net.stride))
+    least = max(net.stride, _down(min(rows, ROWS) // 2, net.stride))
     widths = (-(-w // windows) for windows in range(1, max(1, w // LEAST) + 1))
-    wide = next((wide for wide in widths if needed(wide, least) <= allowed), min(w, LEAST))
-    _refuse(int(needed(wide, least)), f"a band of {least} rows of {wide} pixels with {margin // 2} around it")
+    wide = next((wide for wide in widths if needed(wide, least) <= memory.allowed()), min(w, LEAST))
+    _refuse(
+        needed(wide, least),
+        f"a band of {least} rows of {wide} pixels with {passes * net.reach} around it, beside libraries and pictures,",
+    )
     bands = [k * rows for k in range(max(1, min(MOST, h) // rows), 0, -1)]
-    return wide, next((band for band in bands if needed(wide, band) <= allowed), least)
+    return wide, next((band for band in bands if needed(wide, band) <= memory.allowed()), least)
 
 
 def lies_aside(box: tuple[int, ...], device: torch.device) -> bool:

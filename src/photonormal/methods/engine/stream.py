@@ -105,12 +105,8 @@ def on_mask(found: Maps, box: Box, asked: slice) -> tuple[Float[Tensor, "p 3"], 
 
 def samples_seen(net: Network, capture: Capture, box: Box, windows: list[Window], passes: int) -> int:
     """Samples that are looked at in all passes over all windows."""
-    if isinstance(net, PixelNetwork):
-        pixels = passes * sum(box.count(window.seen) for window in windows)
-    else:
-        each = (window.narrowed(p * net.reach) for window in windows for p in range(1, passes + 1))
-        pixels = sum(box.count(window.seen) for window in each)
-    return pixels * capture.images.shape[0]
+    each = (window.narrowed(p * net.reach) for window in windows for p in range(1, passes + 1))
+    return sum(box.count(window.seen) for window in each) * capture.images.shape[0]
 
 
 def looked(net: Network, task: Task, window: Window) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sysconfig
 import traceback
+from collections.abc import Iterable
+from difflib import get_close_matches
 from pathlib import Path
 
 KNOWN = (  # where our code and that of libraries lies
@@ -11,6 +13,7 @@ KNOWN = (  # where our code and that of libraries lies
     *(Path(sysconfig.get_path(kind)).resolve() for kind in ("stdlib", "platstdlib", "purelib", "platlib", "scripts")),
 )
 LONGEST = 2000  # characters of a message
+LONGEST_NAME = 300  # of what the user called something
 
 
 class InputError(ValueError):
@@ -29,6 +32,17 @@ def printable(text: str) -> str:
     if len(text) > LONGEST:
         text = f"{text[: LONGEST // 2]} [...] {text[-LONGEST // 2 :]}"
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def no_such(what: str, name: str, known: Iterable[str]) -> InputError:
+    """That there is nothing of that name, which one may be meant, and which there are.
+
+    >>> str(no_such("frame", "opngl", ["opengl", "blender"]))
+    "no frame 'opngl'; perhaps opengl is meant; choose from opengl, blender."
+    """
+    known = list(known)
+    close = "".join(f"; perhaps {other} is meant" for other in get_close_matches(name, known, 1))
+    return InputError(f"no {what} {name[:LONGEST_NAME]!r}{close}; choose from {', '.join(known)}.")
 
 
 def in_pixels(shape: tuple[int, ...]) -> str:

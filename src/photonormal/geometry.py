@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.types import InputError
+from photonormal.types import no_such
 
 FRAMES = {  # frame -> its three axes as axes of ours (1: x right, 2: y up, 3: z to the camera), negative where reversed
     "opengl": (1, 2, 3),  # ours; DiLiGenT, PS-FCN, relight's .lp and normal maps
@@ -19,7 +19,7 @@ FRAMES = {  # frame -> its three axes as axes of ours (1: x right, 2: y up, 3: z
 def known_frame(name: str) -> tuple[int, int, int]:
     """The axes of a frame; InputError where there is none of that name."""
     if name not in FRAMES:
-        raise InputError(f"no frame {name[:40]!r}; choose from {', '.join(FRAMES)}.")
+        raise no_such("frame", name, FRAMES)
     return FRAMES[name]
 
 

@@ -19,6 +19,7 @@ from photonormal.arrays import as_array, as_images, as_mask
 from photonormal.errors import InputError as InputError
 from photonormal.errors import code_of_others as code_of_others
 from photonormal.errors import in_pixels as in_pixels
+from photonormal.errors import no_such as no_such
 from photonormal.errors import printable as printable
 from photonormal.lamps import Camera as Camera
 from photonormal.lamps import Lamps as Lamps

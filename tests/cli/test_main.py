@@ -25,6 +25,11 @@ COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import ma
         ("measuer a", "no command 'measuer'; perhaps measure is meant; choose from measure, score"),
         ("measure demo --out b --method wodham", "no method 'wodham'; perhaps woodham is meant; choose from"),
         ("", "Expected one of {measure, score"),
+        ("render objcts --out b", "no recipe 'objcts'; perhaps objects is meant; choose from"),
+        (
+            "measure demo --out b --method a.safetensors",
+            "a.safetensors holds weights but a method is needed; give",
+        ),
         ("measure a --out b --ambient x", "Unrecognized options: --ambient, x; see photonormal measure --help."),
         (
             "calibrate a --ring 8",

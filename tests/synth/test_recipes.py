@@ -19,7 +19,7 @@ def test_a_field_is_changed_in_a_copy():
 @pytest.mark.parametrize(
     ("name", "changes", "message"),
     [
-        ("trian", {}, "no recipe 'trian'; choose from train, validation"),
+        ("trian", {}, "no recipe 'trian'; perhaps train is meant; choose from train, validation"),
         ("train", {"ligths": (3, 4)}, "a recipe has no 'ligths'; it has size, crop"),
         ("train", {"lights": (40, 8)}, "1 <= fewest <= most <= 300"),
         ("train", {"lights": (1, 301)}, "1 <= fewest <= most <= 300"),

@@ -168,7 +168,7 @@ def test_every_recipe_builds_its_network_and_has_a_falling_rate(name):
 
 
 def test_unknown_recipes_are_named():
-    with pytest.raises(InputError, match="no recipe 'papper'; choose from paper"):
+    with pytest.raises(InputError, match="no recipe 'papper'; perhaps paper is meant; choose from paper"):
         recipe("papper")
     with pytest.raises(InputError, match="no schedule 'linear'"):
         Recipe(schedule="linear")

@@ -8,10 +8,9 @@ import re
 import sys
 import tempfile
 import traceback
-from difflib import get_close_matches
 
 import photonormal
-from photonormal.errors import code_of_others
+from photonormal.errors import code_of_others, no_such
 
 LONGEST = 300  # characters of a line
 NO_NUMBER = (  # of an option that must be one, or may be left out
@@ -38,9 +37,7 @@ def one_line(box: str, command: str = "") -> str:
         needed = "a whole number" if wrong[2] or wrong[3] == "INT" else "a number"
         return f"{wrong[1]} {wrong[4][:LONGEST]!r} came but {needed} is needed; correct it."
     if unknown := re.match(r"Unrecognized options: ([^-,;][^,;]*).*; Available subcommands: (.*)", told):
-        known = unknown[2].split(", ")
-        close = "".join(f"; perhaps {name} is meant" for name in get_close_matches(unknown[1], known, 1))
-        return f"no command {unknown[1][:LONGEST]!r}{close}; choose from {', '.join(known)}."
+        return str(no_such("command", unknown[1], unknown[2].split(", ")))
     own = f"photonormal {command} --help" if command else "photonormal --help"
     if other := re.match(r"Unrecognized or misplaced options: (--[\w-]+) \(applied to (photonormal \w+)\)", told):
         if there := _commands_with(other[1], lines):

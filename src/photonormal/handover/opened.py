@@ -11,14 +11,14 @@ from photonormal.export import load_normals
 from photonormal.files.opening import read_npz
 from photonormal.handover import FORMATS
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture, InputError, no_such
 from photonormal.view.result import photographs_of, report_of
 
 
 def refuse(kind: str, out: Path, overwrite: bool, reads: Iterable[Path] = ()) -> None:
     """InputError where there is no such format, the file's ending is another's, or `out` can't be written."""
     if kind not in FORMATS:
-        raise InputError(f"no format {kind[:40]!r}; choose from {', '.join(FORMATS)}.")
+        raise no_such("format", kind, FORMATS)
     ending = FORMATS[kind]
     if not ending:
         return refuse_filled(out, overwrite, reads)

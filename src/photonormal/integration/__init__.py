@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from photonormal.lookup import lookup
-from photonormal.types import InputError, Normals, Surface, as_normals
+from photonormal.types import InputError, Normals, Surface, as_normals, no_such
 
 METHODS = {  # name -> "module:Class", imported only when asked for
     "simchony": "photonormal.integration.simchony:Simchony",
@@ -23,7 +23,7 @@ DEFAULT = "quadratic"
 def configure(method: str, **options: Any) -> Callable[[Normals, np.ndarray | None], Surface]:
     """A method with its options set; InputError names what exists where the method or an option does not."""
     if method not in METHODS:
-        raise InputError(f"no integration {method!r}; choose from {', '.join(METHODS)}.")
+        raise no_such("integration", method, METHODS)
     cls = lookup(METHODS[method])
     if unknown := sorted(set(options) - set(cls.__dataclass_fields__)):
         known = ", ".join(cls.__dataclass_fields__) or "none"

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any
 
 from photonormal.lookup import lookup
 from photonormal.options import check_fields
-from photonormal.types import Capture, InputError, Normals, as_capture
+from photonormal.types import Capture, InputError, Normals, as_capture, no_such
 
 if TYPE_CHECKING:
     from photonormal.methods.contract import Method
@@ -55,8 +54,9 @@ def method_class(name: str) -> type:
             'one of your own known: METHODS["mine"] = "mine:Mine".'
         )
     if name not in METHODS:
-        close = "".join(f"; perhaps {other} is meant" for other in get_close_matches(name, METHODS, 1))
-        raise InputError(f"no method {name!r}{close}; choose from {', '.join(METHODS)}.")
+        if name.endswith(".safetensors"):
+            raise InputError(f"{name} holds weights but a method is needed; give both, such as psfcn:weights={name}.")
+        raise no_such("method", name, METHODS)
     return lookup(METHODS[name])
 
 

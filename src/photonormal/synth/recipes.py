@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from photonormal.types import InputError
+from photonormal.types import InputError, no_such
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ def recipe(name: str | Rendering, **changes: Any) -> Rendering:
         If there is no such recipe or field, or a value makes no sense.
     """
     if isinstance(name, str) and name not in RECIPES:
-        raise InputError(f"no recipe {name!r}; choose from {', '.join(RECIPES)}.")
+        raise no_such("recipe", name, RECIPES)
     known = [f.name for f in dataclasses.fields(Rendering)]
     for key in changes:
         if key not in known:

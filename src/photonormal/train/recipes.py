@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.types import InputError
+from photonormal.types import InputError, no_such
 
 ONE_RIG = ("dpsn",)  # networks that are learned for the lights of one rig
 FALL = 0.25  # share of a flat training in which its rate falls
@@ -344,5 +344,5 @@ def for_rig(recipe: Recipe, lights: np.ndarray | None) -> Recipe:
 def recipe(name: str) -> Recipe:
     """A recipe by its name."""
     if name not in RECIPES:
-        raise InputError(f"no recipe {name!r}; choose from {', '.join(RECIPES)}.")
+        raise no_such("recipe", name, RECIPES)
     return RECIPES[name]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from photonormal.lookup import lookup
-from photonormal.types import InputError
+from photonormal.types import InputError, no_such
 
 FIGURES = {  # name -> "module:function"; a function takes a Wish and gives a matplotlib figure
     "errors": "photonormal.bench.figures.maps:errors",
@@ -78,7 +78,7 @@ def figure(
         If the figure does not exist or what it shows is not there.
     """
     if name not in FIGURES:
-        raise InputError(f"no figure {name!r}; choose from {', '.join(FIGURES)}.")
+        raise no_such("figure", name, FIGURES)
     if not places:
         raise InputError("no folder came; give the folder of runs, or for convergence those of trainings.")
     from photonormal.bench.figures.style import STYLE, style_context

@@ -63,6 +63,6 @@ def off_by(off_deg: float, outwards: float) -> str:
         )
     return (
         "how far they are off can't be told, since the outline is none where the surface turns away from the camera: "
-        "of whole objects without a mask it was 3 degrees as a rule, of coins, plates, tablets and cloth "
-        "more than 30; give a mask of the whole object, or lights"
+        "of coins, plates, tablets and cloth it was more than 30 degrees as a rule, of objects without a mask 2 to 34; "
+        "give a mask of the whole object, or lights"
     )

@@ -44,7 +44,6 @@ class FoundCircle:
     supported : its lights explain the shading of the rest of the frame
     unexplained : part of that shading which they don't
     shadows : correlation of what is dark around it with the shadows of that sphere under those lights
-    table : normal of what it lies on, above whose horizon it mirrors the lamps; None: not told
     usually : the same in the middle picture, which a few highlights of other things don't change
     astray : pictures whose highlight is not where their shadow says
     told : pictures whose shadow tells which of several reflections is the light's
@@ -60,7 +59,6 @@ class FoundCircle:
     unexplained: float = 0.0
     shadows: float = 0.0
     usually: float = 0.0
-    table: np.ndarray | None = field(default=None, repr=False)
     astray: tuple[int, ...] = ()
     told: tuple[int, ...] = ()
 

@@ -39,15 +39,11 @@ def static_light(pictures: Float[np.ndarray, "n h w"]) -> Float[np.ndarray, "h w
 
 
 def looked_for(
-    pictures: Float[np.ndarray, "n h w"],
-    circle: Circle,
-    enough_px: float = ENOUGH_PX,
-    table: Float[np.ndarray, " 3"] | None = None,
+    pictures: Float[np.ndarray, "n h w"], circle: Circle, enough_px: float = ENOUGH_PX
 ) -> list[Highlight | None]:
     """The highlight of each picture, None where its light is off, behind the sphere, or not seen alone.
 
-    Pictures of a sphere of more than `enough_px` in radius are made smaller. Where the normal of the `table` is known,
-    lamps stand above its horizon: what the sphere shows of the table near a low lamp is as bright, and touches it.
+    Pictures of a sphere of more than `enough_px` in radius are made smaller.
     """
     import cv2
 
@@ -58,7 +54,7 @@ def looked_for(
     x, y = (scale * (c + 0.5) - 0.5 for c in (circle.x, circle.y))
     static = static_light(pictures)
     smaller = Circle(x, y, scale * circle.r)
-    disc = Disc.of(smaller, static.shape, table)
+    disc = Disc.of(smaller, static.shape)
     some = pictures[:: max(1, len(pictures) // ALIKE)]
     k = _scale([Reflections.of(p, static, disc) for p in some], smaller)
     found = [h and h.enlarged(1 / scale) for h in (Reflections.of(p, static, disc).highlight(k) for p in pictures)]

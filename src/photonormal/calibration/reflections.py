@@ -86,12 +86,9 @@ class Disc:
     weights: Float[np.ndarray, "k h w"]
 
     @classmethod
-    def of(cls, circle: Circle, shape: Sequence[int], table: Float[np.ndarray, " 3"] | None = None) -> Disc:
-        """Within RIM of a circle, up to scales of WIDEST of it; above the horizon of a table of that normal."""
+    def of(cls, circle: Circle, shape: Sequence[int]) -> Disc:
+        """Within RIM of a circle, up to scales of WIDEST of it."""
         inside, whole = circle.inside(shape, RIM), circle.inside(shape)
-        if table is not None:
-            above = _above(circle, shape, table)
-            inside, whole = inside & above, whole & above
         scales = range(int(np.log2(max(2.0, WIDEST * circle.r))) + 2)
         return cls(inside, whole, np.stack([_blur(whole, k).clip(1e-3) for k in scales]))
 
@@ -214,14 +211,6 @@ def _least_squares(
     size = np.sqrt((A**2).sum(0)).clip(1e-9)
     A = A / size
     return np.linalg.solve(A.T @ A + 1e-6 * np.eye(A.shape[1]), A.T @ (w * y)) / size
-
-
-def _above(circle: Circle, shape: Sequence[int], table: Float[np.ndarray, " 3"]) -> Bool[np.ndarray, "h w"]:
-    """Where a sphere mirrors what stands above a table's horizon, 2 (n.v) (n.t) > v.t, as lamps that light it do."""
-    y, x = np.ogrid[: shape[0], : shape[1]]
-    u, v = (x - circle.x) / circle.r, (circle.y - y) / circle.r
-    w = np.sqrt((1 - u**2 - v**2).clip(0))
-    return 2 * w * (u * table[0] + v * table[1] + w * table[2]) > table[2]
 
 
 def _within(shape: Sequence[int], x: float, y: float, r: float) -> Bool[np.ndarray, "h w"]:

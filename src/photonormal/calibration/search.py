@@ -36,7 +36,6 @@ FAINTLY = (
     "the sphere mirrors the lamps hardly more brightly than noise, so that its shadows tell where they are; use a "
     "larger or shinier sphere, or expose longer."
 )
-TABLES = 2  # rounds of looking for highlights above a table and telling the table by them
 ROUNDS = 3  # of looking for highlights in a circle and improving it by its shadows
 UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer than chance
 FULLY = 0.65  # confidence of such a circle at most
@@ -132,14 +131,6 @@ def _in_place(
     def seen(c: Circle) -> FoundCircle:
         xy, others, mirrored, width = _mirrored(c, dark)
         found = FoundCircle(c, xy, mirrored, width, shadows=around.explained(c, xy))
-        for _ in range(TABLES if found.shadows > BEGIN else 0):
-            table = around.compared(c, found.xy).table
-            above = _mirrored(c, dark, table)
-            shadows = around.explained(c, above.xy)
-            if shadows <= found.shadows:
-                break
-            xy, others = above.xy, above.others
-            found = FoundCircle(c, xy, max(mirrored, above.part), above.width, shadows=shadows, table=table)
         if found.shadows > BEGIN and np.isfinite(others).any():
             xy, _ = around.chosen(c, xy, others)
             xy, clear = around.chosen(c, xy, others)  # on the table that these tell
@@ -161,7 +152,7 @@ def _in_place(
     if best is not None and best.shadows > BEGIN:
         c = best.circle
         for _ in range(ROUNDS):
-            c = around.fitted(c, _mirrored(c, dark, best.table).xy)
+            c = around.fitted(c, _mirrored(c, dark).xy)
         found += [of_edges(refined_circle(p, np.array([c.x, c.y, c.r]), pixel)) for p in ([around.still], roots)]
         cast = seen(c)
         sure = float(np.clip(1 - (1 - cast.shadows) / UNSURE, 0, FULLY))
@@ -215,12 +206,12 @@ class Mirrored(NamedTuple):
     width: float
 
 
-def _mirrored(circle: Circle, dark: np.ndarray, table: np.ndarray | None = None) -> Mirrored:
-    """Highlights inside a circle, above the horizon of a table."""
+def _mirrored(circle: Circle, dark: np.ndarray) -> Mirrored:
+    """Highlights inside a circle."""
     a, b = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
     part = dark[:, b : int(circle.y + circle.r) + 2, a : int(circle.x + circle.r) + 2]
     within = Circle(circle.x - a, circle.y - b, circle.r)
-    highlights = looked_for(part, within, ENOUGH_PX, table) if part.size else [None] * len(dark)
+    highlights = looked_for(part, within, ENOUGH_PX) if part.size else [None] * len(dark)
     xy = np.full((TOPS, len(dark), 2), np.nan)
     for j, h in enumerate(highlights):
         for k, spot in enumerate((h, *h.others) if h else ()):

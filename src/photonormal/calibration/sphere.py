@@ -171,8 +171,7 @@ def _one(
         dark.append(darkest_channel(picture[ball.box]))
         if by_shadows:
             roots.append(root(picture[place.box], place.scale))
-    here = replace(circle, x=circle.x - ball.x, y=circle.y - ball.y)
-    highlights = looked_for(np.stack(dark), here, table=found.table)
+    highlights = looked_for(np.stack(dark), replace(circle, x=circle.x - ball.x, y=circle.y - ball.y))
     if not found.shades or circle.r >= faint.LARGEST_PX:  # else shadows will do
         check_number(highlights, names, circle, where)
         check_sizes(highlights, names, circle, where)

@@ -6,7 +6,7 @@ Coordinates in pixels: x to the right, y down, the centre of the upper left pixe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -64,6 +64,15 @@ class Circle:
         """Pixels within `part` of the radius."""
         y, x = np.ogrid[: shape[0], : shape[1]]
         return (x - self.x) ** 2 + (y - self.y) ** 2 < (part * self.r) ** 2
+
+    def box(self, half: float) -> tuple[slice, slice]:
+        """Rows and columns of a frame, `half` pixels to each side of the centre and a little more."""
+        rows, columns = (slice(max(0, int(c - half)), int(c + half) + 2) for c in (self.y, self.x))
+        return rows, columns
+
+    def seen_in(self, box: tuple[slice, slice]) -> Circle:
+        """The same circle in these rows and columns alone."""
+        return replace(self, x=self.x - box[1].start, y=self.y - box[0].start)
 
 
 class SphereError(InputError):

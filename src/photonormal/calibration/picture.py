@@ -28,12 +28,10 @@ def drawn(
     small, large = [s for s in spheres if s.circle.r < legible], [s for s in spheres if s.circle.r >= legible]
     pictures = [_marked(brightest, large, (*circles, *(s.circle for s in small)))]
     for sphere in small:
-        c = sphere.circle
-        x0, y0 = (max(0, int(at - CLOSE * c.r)) for at in (c.x, c.y))
-        part = brightest[y0 : int(c.y + CLOSE * c.r) + 2, x0 : int(c.x + CLOSE * c.r) + 2]
-        highlights = tuple(h and h.moved(-x0, -y0) for h in sphere.highlights)
-        circle = replace(c, x=c.x - x0, y=c.y - y0)
-        pictures.append(_marked(part, [replace(sphere, circle=circle, highlights=highlights)]))
+        box = sphere.circle.box(CLOSE * sphere.circle.r)
+        highlights = tuple(h and h.moved(-box[1].start, -box[0].start) for h in sphere.highlights)
+        there = replace(sphere, circle=sphere.circle.seen_in(box), highlights=highlights)
+        pictures.append(_marked(brightest[box], [there]))
     return in_one_row(pictures)
 
 

@@ -208,14 +208,13 @@ class Mirrored(NamedTuple):
 
 def _mirrored(circle: Circle, dark: np.ndarray) -> Mirrored:
     """Highlights inside a circle."""
-    a, b = max(0, int(circle.x - circle.r)), max(0, int(circle.y - circle.r))
-    part = dark[:, b : int(circle.y + circle.r) + 2, a : int(circle.x + circle.r) + 2]
-    within = Circle(circle.x - a, circle.y - b, circle.r)
+    box = circle.box(circle.r)
+    part, within = dark[:, *box], circle.seen_in(box)
     highlights = looked_for(part, within, ENOUGH_PX) if part.size else [None] * len(dark)
     xy = np.full((TOPS, len(dark), 2), np.nan)
     for j, h in enumerate(highlights):
         for k, spot in enumerate((h, *h.others) if h else ()):
-            xy[k, j] = spot.x + a, spot.y + b
+            xy[k, j] = spot.x + box[1].start, spot.y + box[0].start
     mirrored = float(np.mean([is_a_mirror_s(h, within) for h in highlights]))
     areas = [h.area_px for h in highlights if h]
     width = float(np.sqrt(np.median(areas) / np.pi)) / circle.r if areas else 1.0

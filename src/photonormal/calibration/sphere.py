@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool
@@ -163,19 +162,20 @@ def _one(
     read: Photograph, shape: Sequence[int], names: Sequence[str], where: str, found: FoundCircle, camera: Projection
 ) -> Sphere:
     circle = found.circle
-    ball, place = Place.around(circle, circle.r), Place.around(circle, REACH[1] * circle.r + 2)
+    half = REACH[1] * circle.r + 2
+    ball, place, scale = circle.box(circle.r), circle.box(half), max(1.0, PLACE_SIZE / (2 * half))
     by_shadows = found.shades and circle.r < SMALL
     dark, roots = [], []
     for j in range(len(names)):
         picture = read(j)
-        dark.append(darkest_channel(picture[ball.box]))
+        dark.append(darkest_channel(picture[ball]))
         if by_shadows:
-            roots.append(root(picture[place.box], place.scale))
-    highlights = looked_for(np.stack(dark), replace(circle, x=circle.x - ball.x, y=circle.y - ball.y))
+            roots.append(root(picture[place], scale))
+    highlights = looked_for(np.stack(dark), circle.seen_in(ball))
     if not found.shades or circle.r >= faint.LARGEST_PX:  # else shadows will do
         check_number(highlights, names, circle, where)
         check_sizes(highlights, names, circle, where)
-    moved = [h and h.moved(ball.x, ball.y) for h in highlights]
+    moved = [h and h.moved(ball[1].start, ball[0].start) for h in highlights]
     astray = ()
     if found.shades:
         moved = [h and _as_told(found, j, h) for j, h in enumerate(moved)]
@@ -183,7 +183,7 @@ def _one(
     moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
     if by_shadows:
-        xy = faint.moved(xy, _cast(roots, place, circle, found.xy), circle)
+        xy = faint.moved(xy, _cast(roots, place, scale, circle, found.xy), circle)
         astray = tuple(j for j in astray if np.isnan(xy[j, 0]))
         moved = [
             replace(h or UNSEEN, x=float(x), y=float(y)) if np.isfinite(x) else None
@@ -194,32 +194,18 @@ def _one(
     return Sphere(where, circle, found.rival, tuple(moved), L, points, (shape[0], shape[1]), found.notes, astray)
 
 
-class Place(NamedTuple):
-    """A part of the photographs: where it begins, its rows and columns, and how much it is enlarged to see shadows."""
-
-    x: int
-    y: int
-    box: tuple[slice, slice]
-    scale: float
-
-    @classmethod
-    def around(cls, circle: Circle, half: float) -> Place:
-        """So many pixels on each side of a circle's centre."""
-        x, y = max(0, int(circle.x - half)), max(0, int(circle.y - half))
-        box = slice(y, int(circle.y + half) + 2), slice(x, int(circle.x + half) + 2)
-        return cls(x, y, box, max(1.0, PLACE_SIZE / (2 * half)))
-
-
-def _cast(roots: list[np.ndarray], place: Place, circle: Circle, begin: np.ndarray) -> np.ndarray:
+def _cast(
+    roots: list[np.ndarray], place: tuple[slice, slice], scale: float, circle: Circle, begin: np.ndarray
+) -> np.ndarray:
     """Where a small sphere's shadows say that it mirrors the lamps (n, 2).
 
     Parameters
     ----------
-    roots : square roots of the place's grey levels
+    roots : square roots of the place's grey levels, so many times enlarged
     begin : where the search took the lamps to be mirrored
     """
-    scale, corner = place.scale, (place.x, place.y)
-    x, y = ((a + 0.5) * scale - 0.5 for a in (circle.x - place.x, circle.y - place.y))
+    there, corner = circle.seen_in(place), (place[1].start, place[0].start)
+    x, y = ((a + 0.5) * scale - 0.5 for a in (there.x, there.y))
     seen = (begin - corner + 0.5) * scale - 0.5
     cast = faint.near(Surroundings.of(roots, scale), Circle(x, y, circle.r * scale), seen)
     return (cast + 0.5) / scale - 0.5 + corner

@@ -61,7 +61,7 @@ def held() -> int:
 
 
 def to_hold(nbytes: int) -> int:
-    """Bytes that have to be allowed for that."""
+    """Bytes that have to be allowed so that pictures of so many lie in memory."""
     return min(PICTURES * nbytes + WORK, SMALL * nbytes)
 
 

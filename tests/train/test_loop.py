@@ -382,6 +382,13 @@ def test_minutes_end_a_training_annealed(tmp_path, monkeypatch):
     assert state["optimiser"]["0"]["param_groups"][0]["lr"] < 0.1 * rates[0]
 
 
+def test_slow_steps_end_with_their_minutes(tmp_path):
+    """Each takes some seconds: the clock is looked at before every one, and not every ten."""
+    ticks = itertools.count()
+    run(tmp_path, replace(TINY, warmup=0), minutes=0.1, clock=lambda: 2.0 * next(ticks))
+    assert checkpoint.load(tmp_path, replace(TINY, warmup=0).as_dict())["step"] == 2
+
+
 def test_what_is_there_is_not_overwritten(tmp_path):
     run(tmp_path, replace(TINY, steps=1))
     with pytest.raises(InputError, match="already holds a training; resume it with --resume"):

@@ -27,3 +27,16 @@ def test_a_recipe_is_examined_by_its_own_exams(monkeypatch):
     assert exams == {"dark": ["batch"], "hollow-metal": ["batch"]}
     assert all(given[1] == 5 and given[3] == validate.SEED and options["crop"] == 64 for given, options in asked)
     assert asked[0][1]["dark"] == 1.0 and asked[1][1]["metal"] is True
+
+
+def test_few_minutes_of_learning_are_examined_by_fewer_windows():
+    """The first of those that others have, as a whole exam takes longer than they do."""
+
+    def stream(*given, **options):
+        yield from range(100)
+
+    def windows(minutes):
+        return validate.examined(stream, torch.device("cpu"), Recipe(exams=("dark",)), minutes)["dark"]
+
+    assert [len(windows(minutes)) for minutes in (0.1, 0.5, 1.2, 4, 60, None)] == [1, 1, 3, 8, 8, 8]
+    assert windows(1.2) == windows(None)[:3]

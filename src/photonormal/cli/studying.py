@@ -223,7 +223,7 @@ class Train:
     lights: Annotated[Path | None, shown("FILE")] = None
     """Lights of the rig that a network is learned for, such as dpsn."""
     minutes: Annotated[Positive | None, shown("N")] = None
-    """Time to stop after; the schedule stretches to it."""
+    """Minutes of learning; the schedule stretches to them. Rendering and taking exams come on top, and are told."""
     steps: Annotated[Count | None, shown("N")] = None
     """Length in place of the recipe's."""
     resume: bool = False

@@ -37,7 +37,7 @@ from photonormal.types import InputError
 
 log = logging.getLogger(__name__)
 
-CLOCK = 10  # steps between looks at the clock
+CLOCK = 10  # steps between looks at the clock, at most: as many as take a second
 
 
 def train(
@@ -63,7 +63,8 @@ def train(
     ----------
     recipe : a key of photonormal.train.recipes.RECIPES, or a Recipe
     out : folder of the checkpoint, the journal (journal.jsonl, TensorBoard) and the weights
-    minutes : wall-clock budget, earlier runs of a resumed training counted in; the schedule stretches to it
+    minutes : of learning by the clock, earlier runs of a resumed training counted in; the schedule stretches to them.
+        At least one step is learned. Rendering the exams and taking the last of them come on top, and are told
     steps : length in place of the recipe's
     resume : go on from the checkpoint in `out`
     device : "auto", "cpu" or "cuda"
@@ -125,7 +126,7 @@ def train(
         **recipe.rendered,
     )
     batches = replayed(source, step * recipe.accumulate, recipe)
-    exams = examined(stream, fabric.device, recipe) if rank == 0 else {}
+    exams = examined(stream, fabric.device, recipe, minutes) if rank == 0 else {}
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
     angle = recipe.loss if learner.net.learns == "normals" else ""  # of which the journal tells the angle
     journal = TrainingRecord(out, step, steps, minutes, angle) if rank == 0 else None
@@ -157,11 +158,14 @@ def train(
         if step % recipe.validate == 0 and not last:
             validated()
 
-    first, spent = step, 0.0
+    first = look = step  # at the clock
+    spent = 0.0
     while step < steps:
-        if step % CLOCK == 0 or step == first:
+        if step == look:
             seconds = torch.tensor(before + clock() - start, device=fabric.device)
-            spent = float(fabric.all_reduce(seconds, reduce_op="max")) / 60  # all processes stop at the same step
+            seconds = float(fabric.all_reduce(seconds, reduce_op="max"))  # all processes stop at the same step
+            look += max(1, min(CLOCK, int((step - first) / max(seconds - before, 1e-6))))
+            spent = seconds / 60
         fraction = max(step / steps, spent / minutes if minutes else 0.0)
         if fraction >= 1 and step:  # never a network of random weights
             break
@@ -175,6 +179,7 @@ def train(
     if journal:
         finish_step(last=True)
         spent = (before + clock() - start) / 60
+        log.info("learned for %.2f minutes, to step %d; exams follow", spent, step)
         told = {
             "recipe": recipe.as_dict(),
             "data": learned_from,

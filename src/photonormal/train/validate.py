@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from itertools import islice
+from math import ceil
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +29,11 @@ from photonormal.synth.recipes import RECIPES as SCENES
 from photonormal.train.observe import Observed, observe, teller_of_lights
 from photonormal.train.recipes import Recipe
 
+log = logging.getLogger(__name__)
+
 SEED = 2**31 - 1  # of the rendered validation scenes: never that of a training
-BATCHES = 8  # of every exam
+BATCHES = 8  # of every exam, at most
+EACH = 0.5  # minutes of learning for which an exam has one of them
 HOLLOW = SCENES["hollow-metal"]
 EXAMS = {  # on materials that training never sees
     "clean": {},  # all images exact
@@ -38,12 +44,21 @@ EXAMS = {  # on materials that training never sees
 OBJECTS = ("ball", "bear", "cat", "reading")
 
 
-def examined(stream: Callable[..., Iterable], device: torch.device, recipe: Recipe) -> dict[str, list]:
-    """The batches of every exam: fixed scenes, windows as training has, as many images as it has at most."""
+def examined(
+    stream: Callable[..., Iterable], device: torch.device, recipe: Recipe, minutes: float | None = None
+) -> dict[str, list]:
+    """The batches of every exam: fixed scenes, windows as training has, as many images as it has at most.
+
+    Where a training has few `minutes`, the first of these batches.
+    """
+    start, count = time.monotonic(), BATCHES if minutes is None else min(BATCHES, ceil(minutes / EACH))
     n = recipe.images[1]
     window = {k: v for k, v in recipe.rendered.items() if k in ("size", "crop", "crops", "zoom", "directions")}
     exam = partial(stream, "validation", recipe.batch, device, SEED, 0, lights=(n, n), **window)
-    return {kind: list(islice(exam(**EXAMS[kind]), BATCHES)) for kind in recipe.exams}
+    exams = {kind: list(islice(exam(**EXAMS[kind]), count)) for kind in recipe.exams}
+    told = "exams (%s) of %d windows each, rendered in %.0f s"
+    log.info(told, ", ".join(exams), count * recipe.batch, time.monotonic() - start)
+    return exams
 
 
 def errors_deg(N: Tensor, truth: Tensor, mask: Tensor) -> Tensor:

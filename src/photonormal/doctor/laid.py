@@ -17,6 +17,7 @@ SIZE = 32  # pixels of the smaller side, at least
 FARTHEST = 12  # pixels of a shift looked for, and at most this part of the smaller side
 PART = 5
 RANK = 8  # pictures that the others are combined of
+MANY = 96  # others that tell these, and groups; of more, every so many, since the time grows with their cube
 LEAST = 6  # pictures
 DETAIL = 3.0  # pixels: coarser shading moves with the light
 SIDE, AGREED = 6, 2.2  # parts along each side, and standard errors by which they fit better after the shift
@@ -60,7 +61,7 @@ class Pictures:
 
     def principal(self, among: Bool[np.ndarray, " n"], j: int, rank: int = RANK) -> Float[np.ndarray, "k q"]:
         """Orthonormal pictures that those `among` them but j are combined of, `q` pixels of the middle each."""
-        others = np.flatnonzero(among & (np.arange(len(among)) != j))
+        others = evenly(np.flatnonzero(among & (np.arange(len(among)) != j)), MANY)
         w, V = np.linalg.eigh(self.gram[np.ix_(others, others)])
         w, V = w[-rank:].clip(1e-9), V[:, -rank:]
         return ((V / np.sqrt(w)).T @ self.core[others].reshape(len(others), -1)).astype(np.float32)
@@ -172,7 +173,7 @@ def lay_otherwise(shown: Pictures, put_back: Pictures, moved: Pictures, group: B
 
     Zero where it is not certain that the group lay otherwise. In `moved` the others lie as the group does in `shown`.
     """
-    r, those, others = shown.reach, np.flatnonzero(group).tolist(), np.flatnonzero(~group).tolist()
+    r, those, others = shown.reach, np.flatnonzero(group).tolist(), evenly(np.flatnonzero(~group), MANY).tolist()
     U, whole = shown.principal(~group, those[0]), np.diag(shown.gram)
     before, after = (np.sum([p.rest(j, U, r, r) for j in those], axis=0) for p in (shown, put_back))
     change = np.log(after / before)
@@ -183,13 +184,22 @@ def lay_otherwise(shown: Pictures, put_back: Pictures, moved: Pictures, group: B
         U = shown.principal(~group, j)
         here, there = (part + ((U @ p.core[j].ravel()) ** 2).sum() for part, p in ((here, shown), (there, moved)))
     parts = np.array(
-        [before.sum() / whole[group].sum(), after.sum() / whole[group].sum(), 1 - here / whole[~group].sum()]
+        [before.sum() / whole[group].sum(), after.sum() / whole[group].sum(), 1 - here / whole[others].sum()]
     )
     unlike, still, _ = log_odds(parts) - log_odds(parts[2])
     repeats = there > REPEATS * here
     if parts[0] < LOST or still > STILL * unlike or (repeats and change.mean() > np.log(PLAINLY)):
         return 0.0
     return float(change.mean())
+
+
+def evenly(pictures: Int[np.ndarray, " n"], most: int) -> Int[np.ndarray, " m"]:
+    """At most so many of some pictures, evenly spaced.
+
+    >>> evenly(np.arange(7), 3).tolist(), evenly(np.arange(3), 3).tolist()
+    ([0, 3, 6], [0, 1, 2])
+    """
+    return pictures[:: -(-len(pictures) // most) or 1]
 
 
 def log_odds(part: Float[np.ndarray, "*b"]) -> Float[np.ndarray, "*b"]:

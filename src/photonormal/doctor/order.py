@@ -139,13 +139,13 @@ class Orders:
             for phi in 2 * np.pi * np.arange(TURNS) / TURNS:
                 c, s = np.cos(phi), np.sin(phi)
                 turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]) @ np.diag([mirror, 1, 1])
-                T, light, picture = S @ back @ turn @ to.T, np.arange(len(U)), np.arange(len(U))
+                T, order = S @ back @ turn @ to.T, np.arange(len(U))
                 for _ in range(6):
-                    light, picture = linear_sum_assignment(-(U @ T.T))
-                    a, _, b = np.linalg.svd(S[picture].T @ U[light])
+                    before, (_, order) = order, linear_sum_assignment(-(U @ T.T))  # rows come in their order
+                    if (order == before).all():
+                        break
+                    a, _, b = np.linalg.svd(S[order].T @ U)
                     T = S @ (a @ b)
-                order = np.empty(len(U), int)
-                order[light] = picture
                 found[order.tobytes()] = order
         best = sorted(found.values(), key=self.outside)[:6]
         limit = self.outside(best[0]) + 0.1 * (self.scale()[1] - self.outside(best[0]))

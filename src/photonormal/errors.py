@@ -23,6 +23,10 @@ class InputError(ValueError):
         super().__init__(printable(" ".join(message.splitlines())))
 
 
+class MachineLimit(InputError):
+    """What came can be used, but not by this machine as it is now: its memory or its disks are at their end."""
+
+
 def printable(text: str) -> str:
     """The text without what a terminal would obey, since names of files may hold anything; cut where it is very long.
 

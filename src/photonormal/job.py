@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -80,14 +81,14 @@ class Job:
     def folder(self) -> Path:
         """Of the capture's photographs."""
         place = place_of(self.capture)
-        return place if place.is_dir() else place.parent
+        return place if os.path.isdir(place) else place.parent
 
-    def located(self) -> Job:
-        """The same, its sphere `AUTO`, one folder's path, or none."""
+    def located(self, base: Path = Path()) -> Job:
+        """The same, its sphere `AUTO`, one folder's path, or none; `base` is what that is relative to."""
         if self.sphere.upper() in ("", AUTO):
             return replace(self, sphere=AUTO if self.sphere else "")
         inside = self.folder / self.sphere
-        return replace(self, sphere=str((inside if inside.is_dir() else Path(self.sphere)).absolute()))
+        return replace(self, sphere=str((inside if inside.is_dir() else base / self.sphere).absolute()))
 
     def made(self) -> Made:
         """What its result is made by: version, method, options, weights and code."""

@@ -6,13 +6,15 @@ It stands in a result's report, so that a later run can tell whether the same wo
 from __future__ import annotations
 
 import hashlib
+import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, NotRequired, TypedDict
 
 import photonormal
+from photonormal.files.decode import SUFFIXES
 from photonormal.files.opening import Opened, Stamp, open_file
 from photonormal.methods import configure, options_of
 from photonormal.options import LightsFrom
@@ -52,7 +54,7 @@ class Inputs(TypedDict):
     """All that was read of a capture."""
 
     files: dict[Word, Input]  # by paths, relative where they lie below the capture's folder
-    beside: list[Word]  # files of the capture's folder that were not read
+    beside: list[Word]  # files that were not read and may matter
 
 
 class ProgramVersion(NamedTuple):
@@ -113,8 +115,25 @@ def change(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, str]
     return None
 
 
-def inputs(capture: Path, read: Mapping[Path, Opened]) -> Inputs:
+def names_beside(capture: Path) -> set[str]:
+    """The files in a capture's folder; of a list's, which others may share, none that are lists or photographs."""
+    of_list = capture.is_file()
+    try:
+        found = [p for p in folder_of(capture).iterdir() if not p.name.startswith(".") and p.is_file()]
+    except OSError:
+        return set()
+    others = [p for p in found if of_list and (p.suffix.lower() == ".lp" or _photograph(p))]
+    return {p.name for p in found} - {p.name for p in others}
+
+
+def _photograph(path: Path) -> bool:
+    return path.suffix.lower() in SUFFIXES and "mask" not in path.stem.lower()
+
+
+def inputs(capture: Path, read: Mapping[Path, Opened], names: Callable[[Path], set[str]] = names_beside) -> Inputs:
     """What was read of a capture, by the files that were opened. Only what was not read to its end is read now.
+
+    `names` gives the files of a capture that may matter; by default it is `names_beside`.
 
     Raises
     ------
@@ -134,12 +153,12 @@ def inputs(capture: Path, read: Mapping[Path, Opened]) -> Inputs:
         if now != stamp:
             raise InputError(f"{path} has changed while it was read; wait until it is whole and measure again.")
         files[_name(path, folder)] = {"bytes": stamp.bytes, "mtime_ns": stamp.mtime_ns, "sha256": digest}
-    return {"files": files, "beside": sorted(_names(folder) - files.keys())}
+    return {"files": files, "beside": sorted(names(capture) - files.keys())}
 
 
-def changed(capture: Path, before: Inputs) -> str:
+def changed(capture: Path, before: Inputs, names: Callable[[Path], set[str]] = names_beside) -> str:
     """What is no longer as it was when a capture was read, in words; "" where all is. Only files whose time differs
-    are read again."""
+    are read again. `names` as for `inputs`."""
     folder = folder_of(capture)
     for name, was in before["files"].items():
         path = folder / name
@@ -153,22 +172,16 @@ def changed(capture: Path, before: Inputs) -> str:
         if not same:
             return f"{name} has changed"
     known = before["files"].keys() | set(before["beside"])
-    if come := sorted(_names(folder) - known):
+    now = names(capture)
+    if come := sorted(now - known):
         return f"{come[0]} has come"
-    gone = sorted(set(before["beside"]) - _names(folder))
+    gone = sorted(set(before["beside"]) - now)
     return f"{gone[0]} is gone" if gone else ""
 
 
 def folder_of(capture: Path) -> Path:
     """The folder that a capture lies in: itself, or that of its list."""
-    return (capture if capture.is_dir() else capture.parent).resolve()
-
-
-def _names(folder: Path) -> set[str]:
-    try:
-        return {p.name for p in folder.iterdir() if not p.name.startswith(".") and p.is_file()}
-    except OSError:
-        return set()
+    return (capture if os.path.isdir(capture) else capture.parent).resolve()
 
 
 def _name(path: Path, folder: Path) -> str:

@@ -54,6 +54,40 @@ def test_one_broken_capture_fails_alone_and_nothing_is_done_twice(season, tmp_pa
     assert "failed" not in json.loads((results / "vase-1" / "report.json").read_text())
 
 
+def test_a_picture_that_was_missing_is_noticed_wherever_it_comes(season, tmp_path, here, batch):
+    pictures = season / "vase-0" / "pictures"
+    pictures.mkdir()
+    for picture in (season / "vase-0").glob("0*.png"):
+        picture.rename(pictures / picture.name)
+    names = [f"pictures/{j + 1:03d}.png" for j in range(6)]
+    (season / "vase-0" / "filenames.txt").write_text("\n".join(names))
+    (pictures / "003.png").rename(tmp_path / "003.png")
+    assert "2 measured, 0 were done, 1 failed" in batch()[1]
+    assert "0 measured, 2 were done, 1 failed" in batch()[1]
+    (tmp_path / "003.png").rename(pictures / "003.png")
+    assert batch()[1].startswith("1 measured, 2 were done:")
+
+
+def test_what_the_machine_was_too_small_for_is_tried_again(season, tmp_path, here, batch):
+    captures = [season / "vase-0"]
+    code, _, err = batch("--memory", "20KB", captures=captures)
+    assert code == 1 and "24 x 24 pixels, would take 3.5 KB" in err and "--memory" in err
+    assert batch("--memory", "3GB", captures=captures)[1].startswith("1 measured")
+
+
+def test_a_list_is_not_stale_for_its_neighbours(season, tmp_path, here, batch):
+    folder = season / "vase-0"
+    lights = np.loadtxt(folder / "light_directions.txt")
+    lines = [f"{j + 1:03d}.png {x} {y} {z}" for j, (x, y, z) in enumerate(lights)]
+    (folder / "a.lp").write_text("\n".join([str(len(lines)), *lines]))
+    assert batch(captures=[folder / "*.lp"])[1].startswith("1 measured")
+    shutil.copy(folder / "a.lp", folder / "b.lp")
+    shutil.copy(folder / "001.png", folder / "of b.png")
+    assert batch(captures=[folder / "*.lp"])[1].startswith("1 measured, 1 were done")
+    (folder / "crop.txt").write_text("2,2,20,20")
+    assert batch(captures=[folder / "*.lp"])[1].startswith("2 measured")
+
+
 def write_again(picture):
     """A picture like the one it is a copy of, and not equal to it."""
     import cv2
@@ -134,6 +168,14 @@ def test_names_that_are_no_text_are_measured_and_told(season, tmp_path, here, ba
     assert code == 1 and err.count("\n") == 1 and "results/report.json is a file but a folder" in err
     assert sorted(rows(tmp_path / "results")) == [r"caf\udce9", "report.json", "vase-2"]
     assert (tmp_path / "results" / os.fsdecode(b"caf\xe9") / "view.html").is_file()
+
+
+def test_names_that_are_too_long_are_told(season, tmp_path, here, batch):
+    (season / "list.csv").write_text(f"capture,name\n{'n' * 300},gone\nvase-1,\n")
+    code, out, err = batch(captures=[season / "list.csv"])
+    assert code == 1 and out.startswith("1 measured") and err.count("\n") == 1 and "File name too long" in err
+    code, out, err = batch("--out", tmp_path / ("o" * 300))
+    assert (code, out, err.count("\n")) == (2, "", 1) and "its name is too long" in err
 
 
 def test_a_result_stays_when_its_photographs_break(season, tmp_path, here, batch):

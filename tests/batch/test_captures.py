@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 
+import photonormal as pn
 from photonormal.batch.captures import jobs
 from photonormal.cli.batching import kinds
 from photonormal.job import Job
 from photonormal.types import InputError
+from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
 @pytest.fixture
@@ -36,6 +38,7 @@ def test_names_are_paths_below_the_fixed_part(place, monkeypatch):
     assert names(".") == ["1"]
     monkeypatch.chdir("../..")
     assert found("season/1/*")[0].job.out == Path("season/results/back")
+    assert names("season/1/**") == ["back", "front"]  # which matches season/1, too
 
 
 def test_a_list_has_options_of_its_own(place, tmp_path):
@@ -52,6 +55,24 @@ def test_a_list_has_options_of_its_own(place, tmp_path):
     assert found("season/list.toml")[0].job.reading == reading
 
 
+def test_a_list_is_read_as_spreadsheets_write_it(place, tmp_path):
+    text = "Capture; Name ;Sphere\r\n1/front;K\xf6nig;balls\r\n;;\r\n2/front;;\r\n;;\r\n"
+    (tmp_path / "season" / "list.csv").write_bytes(text.encode("latin-1"))
+    one, two = found("season/list.csv")
+    assert one.name == "K\xf6nig" and one.job.sphere == str(tmp_path / "season" / "balls")
+    assert two.name == "front" and two.job.sphere == ""
+    (tmp_path / "season" / "1" / "front" / "balls").mkdir()  # the capture's own comes first
+    assert found("season/list.csv")[0].job.sphere == str(tmp_path / "season" / "1" / "front" / "balls")
+
+
+def test_what_a_list_says_of_a_capture_holds_beside_a_pattern(place, tmp_path):
+    (tmp_path / "list.csv").write_text("capture,method\nseason/1/front,l1\n")
+    for given in (("list.csv", "season/1/*"), ("season/1/*", "list.csv")):
+        assert {named.name: named.job.method for named in found(*given)} == {"back": "normalnet", "front": "l1"}
+    (tmp_path / "list.csv").write_text("capture,name,method\nseason/1/front,a,\nseason/1/front,b,l1\n")
+    assert [(named.name, named.job.method) for named in found("list.csv")] == [("a", "normalnet"), ("b", "l1")]
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -60,6 +81,10 @@ def test_a_list_has_options_of_its_own(place, tmp_path):
         ("capture,srgb\n1,yes\n", "capture 1: srgb yes came but true or false is needed"),
         ("capture,rings\n1,8\n", "has the option 'rings', which there is not"),
         ("capture,name\n1,../x\n", "is called '../x'"),
+        ("capture,name\n1,a//b\n", "is called 'a//b'"),
+        (f"capture,name\n1,{'n' * 300}\n", "but a name for its folder of results is needed, of at most 255 bytes"),
+        ("capture,name\n1,first, left\n", "has 'left' in the row of '1', beyond its columns"),
+        ("capture,method\n1,\n1,l1\n", "1 is listed twice with different options, and would be called 1 both"),
         ("name\n1\n", "no column `capture`"),
         ("capture\n", "no column `capture`"),
         ("capture,name\n1,\n,b\n", "capture 2 has no `capture`"),
@@ -85,6 +110,18 @@ def test_what_matches_nothing_says_what_lies_there(place):
         found("season/v*")
     with pytest.raises(InputError, match="summer does not exist"):
         found("summer/*")
+
+
+def test_a_folder_of_captures_is_told_how_it_is_given(tmp_path):
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "dome.lp").write_text("1\n1.png 0 0 1\n")
+    with pytest.raises(InputError, match=r"or give all folders to `photonormal batch '.*/\*'`"):
+        pn.load(tmp_path)
+    for name in ("a", "b"):
+        write_diligent(tmp_path / name, lambertian(sphere(8), ring(3)))
+    with pytest.raises(InputError, match=r"or give all of them to `photonormal batch '.*/\*'`"):
+        pn.load(tmp_path)
 
 
 def test_files_that_are_no_captures_are_named_and_left_out(place, tmp_path):

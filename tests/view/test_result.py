@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from photonormal.export import load_normals
+from photonormal.files import memory
 from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN
 from photonormal.view.result import open_result
 
@@ -54,6 +55,37 @@ def test_photographs_that_are_named_are_shown(copy, capture):
     report["source"] = "/nowhere"
     (copy / "report.json").write_text(json.dumps(report))
     assert len(open_result(copy, capture).photographs) == 12
+
+
+@pytest.fixture
+def moved(capture, tmp_path, run):
+    """A result whose mask lay beside its photographs and whose lights beside it, all of which have moved since."""
+    photographs = shutil.copytree(capture, tmp_path / "photographs")
+    shutil.copy(photographs / "mask.png", photographs / "outline.png")
+    given = ("--mask", photographs / "outline.png", "--lights", photographs / "light_directions.txt")
+    assert (
+        run("measure", photographs, "--out", tmp_path / "out", "--method", "woodham", "--memory", "3GB", *given)[0] == 0
+    )
+    (tmp_path / "out").rename(tmp_path / "result")
+    photographs.rename(tmp_path / "new")
+    return tmp_path / "result", tmp_path / "new"
+
+
+def test_masks_and_lights_of_photographs_that_have_moved_move_with_them(moved, monkeypatch):
+    result, photographs = moved
+    monkeypatch.setattr(memory, "_given", 4 * 10**9)
+    assert len(open_result(result, photographs).photographs) == 12
+    assert memory.allowed() == 4 * 10**9  # and not what the measurement was allowed
+    (photographs / "light_directions.txt").rename(result / "light_directions.txt")
+    assert len(open_result(result, photographs).photographs) == 12
+
+
+def test_why_photographs_that_are_there_cannot_be_used_is_told(moved, run, tmp_path):
+    result, photographs = moved
+    photographs.rename(tmp_path / "photographs")
+    (tmp_path / "photographs" / "outline.png").unlink()
+    code, _, err = run("export", result, "--to", "ptm", "--out", tmp_path / "x.ptm")
+    assert code == 2 and "outline.png is missing" in err and "no longer" not in err and err.count("\n") == 1
 
 
 def test_the_page_tells_what_the_measurement_warned_of(copy):

@@ -8,13 +8,14 @@ import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import msgspec
 
 from photonormal.capture import UNKNOWN
-from photonormal.capture.texts import read_lines
+from photonormal.capture.texts import beside, read_lines, spellings
 from photonormal.files.opening import read_bytes
 from photonormal.job import Job
 from photonormal.options import check_value
@@ -23,6 +24,8 @@ from photonormal.types import InputError
 LISTS = {".csv", ".toml"}
 LONGEST = 2**26  # bytes of a list
 OWN = {"capture", "name"}  # columns of a list that are no options
+NAME = r"(?!.*(^|/)\.)[^\\/\x00-\x1f]+(/[^\\/\x00-\x1f]+)*"
+LONGEST_NAME = 255  # bytes of each part of a name that disks take
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,16 @@ class Named:
 
     name: str
     job: Job
+
+
+class GivenCapture(NamedTuple):
+    """A capture as a list names it, with options of its own, whose paths are relative to `base`; or as a pattern does,
+    which has none."""
+
+    path: Path
+    name: str = ""
+    options: dict[str, Any] | None = None
+    base: Path = Path()
 
 
 class FoundCaptures(NamedTuple):
@@ -63,25 +76,36 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
             f"{what} but folders, .lp files or a list of captures are needed, elsewhere than in {out}; give some."
         )
     base = Path(os.path.commonpath([os.path.abspath(p) for p in fixed])) if fixed else Path()
-    named: dict[str, Named] = {}
-    for path, name, options in found:
-        name = name or Path(os.path.abspath(path)).relative_to(base).with_suffix(_ending(path)).as_posix()
-        if name in named and named[name].job.capture != path:
+    chosen: dict[str, GivenCapture] = {}
+    for given in found:
+        name = (
+            given.name
+            or Path(os.path.abspath(given.path)).relative_to(base).with_suffix(_ending(given.path)).as_posix()
+        )
+        before = chosen.get(name, given)
+        if before.path != given.path:
+            raise InputError(f"{before.path} and {given.path} would both be called {name}; give them names in a list.")
+        if None not in (before.options, given.options) and before.options != given.options:
             raise InputError(
-                f"{named[name].job.capture} and {path} would both be called {name}; give them names in a list."
+                f"{given.path} is listed twice with different options, and would be called {name} both times; give "
+                "each row a `name` of its own."
             )
-        named[name] = Named(name, _with(replace(like, capture=path, out=out / name), options).located())
-    for name in named:
-        if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in named), None):
+        chosen[name] = before if given.options is None else given
+    for name in chosen:
+        if inside := next((p.as_posix() for p in Path(name).parents if p.as_posix() in chosen), None):
             raise InputError(f"{name} lies in {inside}, which is a capture, too; match one of them.")
-    return FoundCaptures([named[name] for name in sorted(named, key=numbers_first)], left_out)
+    made = (
+        Named(name, _with(replace(like, capture=given.path, out=out / name), given.options or {}).located(given.base))
+        for name, given in chosen.items()
+    )
+    return FoundCaptures(sorted(made, key=lambda named: numbers_first(named.name)), left_out)
 
 
 def _found(
     captures: Sequence[str], others: Sequence[Path | str], kinds: Mapping[str, Any]
-) -> tuple[list[tuple[Path, str, dict[str, Any]]], list[Path], list[Path]]:
-    """Captures with their names and options, as far as they have some, the folders that names are below, and files that
-    are no captures. What lies in `others` is none, either."""
+) -> tuple[list[GivenCapture], list[Path], list[Path]]:
+    """Captures, the folders that names are below, and files that are no captures. What lies in `others` is none,
+    either."""
     found, fixed, left_out = [], [], []
     for text in captures:
         path = Path(text)
@@ -92,11 +116,13 @@ def _found(
         for match in [path] if there else _matched(text):
             if any(Path(os.path.abspath(match)).is_relative_to(os.path.abspath(other)) for other in others):
                 continue
+            if not there and os.path.abspath(match) == os.path.abspath(_fixed(text)):  # as ** matches it, too
+                continue
             if match.is_file() and match.suffix.lower() != ".lp":
                 left_out.append(match)
                 continue
             fixed.append(Path(os.path.abspath(path)).parent if there else _fixed(text))
-            found.append((match, "", {}))
+            found.append(GivenCapture(match))
     return found, fixed, left_out
 
 
@@ -131,8 +157,8 @@ def _matched(pattern: str) -> list[Path]:
     return matched
 
 
-def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, dict[str, Any]]]:
-    """The captures of a list, their names if they have some, and their options; paths are relative to the list."""
+def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[GivenCapture]:
+    """The captures of a list; paths in it are relative to it."""
     rows = _toml(path) if path.suffix.lower() == ".toml" else _csv(path)
     if not rows:
         raise InputError(f"{path} lists no captures; give one in each row, under `capture`.")
@@ -140,13 +166,16 @@ def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, d
         where = f"{path}, capture {number}"
         if not isinstance(row.get("capture"), str) or not row["capture"]:
             raise InputError(f"{where} has no `capture` but the path of a folder or an .lp file is needed; add it.")
-        capture = path.parent / row["capture"]
-        name = str(row.get("name") or "") or capture.name
-        if not re.fullmatch(r"(?!.*(^|/)\.)[^\\\x00-\x1f]+", name) or name.startswith("/") or name.endswith("/"):
-            raise InputError(f"{where} is called {name!r} but a name for its folder of results is needed; give one.")
+        capture = beside(path.parent, row["capture"])
+        name = spellings(str(row.get("name") or ""))[-1] or capture.name
+        if not re.fullmatch(NAME, name) or any(len(os.fsencode(part)) > LONGEST_NAME for part in name.split("/")):
+            raise InputError(
+                f"{where} is called {name[:60]!r} but a name for its folder of results is needed, of at most "
+                f"{LONGEST_NAME} bytes; give one."
+            )
         options = {}
         for key, value in row.items():
-            option = key.strip().replace("-", "_")
+            option = key.replace("-", "_")
             if option in OWN or value in ("", None):
                 continue
             if option not in kinds:
@@ -154,7 +183,7 @@ def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[tuple[Path, str, d
                     f"{where} has the option {key[:40]!r}, which there is not; see `photonormal measure --help`."
                 )
             options[option] = _value(value, kinds[option], f"{where}: {key}", path.parent)
-        yield capture, name, options
+        yield GivenCapture(capture, name, options, path.parent)
 
 
 def _value(value: Any, kind: Any, called: str, base: Path) -> Any:
@@ -189,10 +218,18 @@ def _csv(path: Path) -> list[dict[str, Any]]:
 
     lines = read_lines(path)
     separator = ";" if lines and ";" in lines[0] else ","
-    rows = list(csv.DictReader(lines, restkey="", delimiter=separator, skipinitialspace=True))
-    if not rows or "capture" not in rows[0]:
+    head, *rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True)) or [[]]
+    names = [name.strip().lower() for name in head]
+    if not rows or "capture" not in names:
         raise InputError(f"{path} has no column `capture` but the captures' paths are needed there; add it.")
-    return [{k: v for k, v in row.items() if k} for row in rows]
+    filled = [[value.strip() for value in row] for row in rows if any(map(str.strip, row))]
+    for row in filled:
+        if more := [value for name, value in zip_longest(names, row, fillvalue="") if value and not name]:
+            raise InputError(
+                f"{path} has {more[0][:60]!r} in the row of {row[0][:60]!r}, beyond its columns; put what holds a "
+                f"{separator} in quotes, or name the column."
+            )
+    return [dict(zip(names, row, strict=False)) for row in filled]
 
 
 def _with(job: Job, options: dict[str, Any]) -> Job:

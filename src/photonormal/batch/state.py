@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict
@@ -12,12 +13,12 @@ from photonormal.disk import at_once, recover
 from photonormal.export.folder import MARKER, REPORT, as_json, listed_files
 from photonormal.files.opening import Opened
 from photonormal.job import PROVENANCE, Job
-from photonormal.provenance import Inputs, Made, change, changed, inputs
+from photonormal.provenance import Inputs, Made, change, changed, folder_of, inputs, names_beside
 from photonormal.stored import read_json
 from photonormal.types import InputError
 
 FAILED = "failed"  # in a report
-Kind = Literal["input", "fault", "killed"]  # the capture can't be used, photonormal is at fault, the process has ended
+Kind = Literal["input", "fault", "killed"]  # it can't be used, the code is at fault, the machine was at its end
 
 
 class Provenance(TypedDict):
@@ -60,7 +61,7 @@ class CaptureState:
 
 def state_of(job: Job) -> CaptureState:
     """How far a capture is, by the report in the folder of its result and the files that it was made from."""
-    if not job.out.is_dir():
+    if not os.path.isdir(job.out):
         return CaptureState("begin")
     recover(job.out)
     report, files = read_report(job.out), listed_files(job.out)
@@ -69,7 +70,7 @@ def state_of(job: Job) -> CaptureState:
     failure, made = report.get("failed"), report.get("provenance")
     if failure is not None:
         told = failure["provenance"]
-        if failure["kind"] == "killed" or told is None or _difference(job, told) is not None:
+        if failure["kind"] == "killed" or told is None or _difference(job, told, all_below) is not None:
             return CaptureState("begin")
         return CaptureState("failed", failure["message"])
     if made is None:
@@ -79,8 +80,8 @@ def state_of(job: Job) -> CaptureState:
     return _difference(job, made) or CaptureState("done")
 
 
-def _difference(job: Job, before: Provenance) -> CaptureState | None:
-    """What would be different now; None: nothing."""
+def _difference(job: Job, before: Provenance, names: Callable[[Path], set[str]] = names_beside) -> CaptureState | None:
+    """What would be different now; None: nothing. `names` are the files of a capture that were looked for."""
     found = change(before["made"], job.made())
     if found is not None:
         return CaptureState("options" if found[0] in ("method", "options") else "stale", found[1])
@@ -90,7 +91,7 @@ def _difference(job: Job, before: Provenance) -> CaptureState | None:
             return CaptureState(
                 "options", f"{key.replace('_', '-')} {was.get(key, 'not given')}, not {now.get(key, 'none')}"
             )
-    what = changed(place_of(job.capture), before["inputs"])
+    what = changed(place_of(job.capture), before["inputs"], names)
     return CaptureState("stale", what) if what else None
 
 
@@ -110,7 +111,9 @@ def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Opene
     `read` are the files that were opened; None: not known.
     """
     try:
-        told = None if read is None else {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
+        told = None
+        if read is not None and os.path.isdir(place_of(job.capture)):  # what else a list may need, lies anywhere
+            told = {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
         failure = {"kind": kind, "message": message, PROVENANCE: told}
         ours = listed_files(job.out) is not None
         if not ours and job.out.is_dir() and any(p.name[0] != "." for p in job.out.iterdir()):
@@ -123,4 +126,15 @@ def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Opene
 
 
 def _inputs(job: Job, read: Mapping[Path, Opened]) -> Inputs:
-    return inputs(place_of(job.capture), {path: stamp for path, stamp in read.items() if path.is_file()})
+    found = {path: stamp for path, stamp in read.items() if path.is_file()}
+    return inputs(place_of(job.capture), found, all_below)
+
+
+def all_below(capture: Path) -> set[str]:
+    """The files of a capture's folder and of all folders in it that are no results: any may be what is missing."""
+    folder, found = folder_of(capture), set()
+    for place, folders, files in os.walk(folder):
+        inside = Path(place)
+        folders[:] = [name for name in folders if name[0] != "." and listed_files(inside / name) is None]
+        found |= {(inside / name).relative_to(folder).as_posix() for name in files if name[0] != "."}
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -71,7 +72,8 @@ class Summary:
 
     def read_others(self) -> None:
         """Look again what is told of captures that are not this batch's: another may be at work below `out`."""
-        reports = [p.parent.relative_to(self.out).as_posix() for p in sorted(self.out.glob("*/**/" + REPORT))]
+        there = sorted(self.out.glob("*/**/" + REPORT)) if os.path.isdir(self.out) else []
+        reports = [p.parent.relative_to(self.out).as_posix() for p in there]
         for name in reports:
             if name not in self._names and not any(part.startswith(".") for part in Path(name).parts):
                 self.read(name)

@@ -12,7 +12,7 @@ from photonormal.batch.row import PAGE
 from photonormal.batch.state import Kind, record_failure, state_of
 from photonormal.disk import InUse
 from photonormal.resources import take_share
-from photonormal.types import InputError
+from photonormal.types import InputError, MachineLimit, code_of_others
 
 if TYPE_CHECKING:
     from photonormal.job import SolvedRows
@@ -70,12 +70,20 @@ def work(named: Named, parts: Sequence[SolvedRows] = ()) -> Outcome:
         report = carry_out(named.job, read, parts, lambda result: {PAGE: small_page(result, named.name)})
     except InUse:
         return Outcome(named.name, time.perf_counter() - start, busy=True)
+    except MachineLimit as error:
+        kind, failure = "killed", str(error)
     except InputError as error:
         kind, failure = "input", str(error)
     except MemoryError:
         kind, failure = "killed", "memory is not enough for it; give fewer --jobs, or more memory."
     except Exception as error:  # whatever one capture fails with, the others go on
-        kind, failure = "fault", f"a fault of photonormal: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+        what, place = f"{type(error).__name__}: {' '.join(str(error).split())[:300]}", code_of_others(error)
+        failure = (
+            f"{what}, raised in {place}, which is no part of photonormal."
+            if place
+            else f"a fault of photonormal: {what}"
+        )
+        kind = "fault"
     else:
         numbers = {"pixels": report["pixels"]["measured"], "expected_error_deg": report.get("expected_error_deg")}
         return Outcome(named.name, time.perf_counter() - start, numbers=numbers)

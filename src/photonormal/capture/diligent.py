@@ -44,7 +44,7 @@ def read(path: Path, choice: Choice) -> Capture:
     if not is_object(path) and (found := objects(path)):
         raise InputError(
             f"{path} holds {len(found)} objects but one is measured at a time; choose from "
-            f"{', '.join(str(p) for p in found)}."
+            f"{', '.join(str(p) for p in found)}, or give all of them to `photonormal batch '{found[0].parent}/*'`."
         )
     names, truth = read_lines(path / "filenames.txt"), path / "Normal_gt.mat"
     return assemble(

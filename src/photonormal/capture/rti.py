@@ -64,8 +64,9 @@ def _chosen(lists: list[Path], path: Path) -> Path:
     there = [p for p in lists if any(map(os.path.isfile, located(read_lights(p).names, p.parent, [])))] or lists
     made = [p for p in there if not p.stem.lower().endswith(ORIGINAL)] or there
     if len(made) > 1:
+        all_of_them = f", or give all folders to `photonormal batch '{path}/*'`"
         raise InputError(
             f"{path} has {len(made)} .lp files ({', '.join(str(p.relative_to(path)) for p in made)}) but one is "
-            "needed; name the file itself."
+            f"needed; name the file itself{all_of_them if len({p.parent for p in made}) == len(made) else ''}."
         )
     return made[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -83,7 +84,7 @@ class Batch:
 
         like, going = of_all(self), self.batch
         found = jobs(self.captures, self.out, like, kinds())
-        with going.measured(soon=not all(named.job.out.exists() for named in found.captures)) as measured:
+        with going.measured(soon=not all(os.path.exists(named.job.out) for named in found.captures)) as measured:
             from photonormal.batch.run import run_batch
 
             done = run_batch(found, self.out, going.tells(), measured, self.retry == "failed", going.overwrite)

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from photonormal.types import InputError
+from photonormal.types import InputError, MachineLimit
 
 REASONS = {
     errno.ENOSPC: "no space is left; free some or choose another disk",
@@ -28,10 +28,10 @@ class InUse(InputError):
     """Another process is writing there."""
 
 
-def unwritable(path: Path, error: OSError, after: str = NOTHING) -> InputError:
+def unwritable(path: Path, error: OSError, after: str = NOTHING) -> MachineLimit:
     """What to raise where `path` can't be written; `after` tells the state that is left."""
     what = REASONS.get(error.errno or 0, f"{error.strerror or error}; choose another place")
-    return InputError(f"{path} can't be written: {what}.{after}")
+    return MachineLimit(f"{path} can't be written: {what}.{after}")
 
 
 def refuse_folder(path: Path) -> None:

@@ -125,7 +125,7 @@ def _header(kind: Any, file: BinaryIO, path: Path, which: dict[str, int]) -> Hea
     size = size_of(file)
     memory.check(size, f"picture {path}")
     header = kind.header(file, path, **which)
-    memory.check(header.nbytes, f"picture {path}, {header.height} x {header.width} pixels,")
+    memory.check(header.nbytes, f"picture {path}, {in_pixels((header.height, header.width))},")
     if header.nbytes > max(DENSEST * size, SMALL):
         raise damaged(path, f"claims {header.nbytes} bytes of samples in {size}")
     return header

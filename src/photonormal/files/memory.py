@@ -15,7 +15,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from photonormal.types import InputError
+from photonormal.types import InputError, MachineLimit
 
 SHARE = 8  # one file may take this part of it, decoded: samples become floats, and several are worked on at a time
 PICTURES, WORK = 3, 1_200_000_000  # a capture's pictures may take this part of what lies beyond these bytes, which
@@ -66,9 +66,9 @@ def to_hold(nbytes: int) -> int:
 
 
 def check(nbytes: int, what: str) -> None:
-    """Raise InputError where `what` would take more than its share of the memory once it is decoded."""
+    """Raise MachineLimit where `what` would take more than its share of the memory once it is decoded."""
     if nbytes * SHARE > allowed():
-        raise InputError(
+        raise MachineLimit(
             f"{what} would take {text_of(nbytes)} but one file may take {text_of(allowed() // SHARE)}, an eighth of "
             f"the memory allowed; give a smaller one, or allow more, such as --memory {text_of(nbytes * SHARE, '')}."
         )
@@ -97,13 +97,13 @@ def scratch_file(nbytes: int, otherwise: str = "") -> IO[bytes]:
 
     Raises
     ------
-    InputError
+    MachineLimit
         If the disk has no room for it; `otherwise` is what else may be done.
     """
     folder = scratch_folder()
     free = shutil.disk_usage(folder).free
     if nbytes > free:
-        raise InputError(
+        raise MachineLimit(
             f"a scratch file of {text_of(nbytes)} is needed but {folder} has {text_of(free)} free; free some, set "
             f"TMPDIR to a folder on another disk{otherwise}."
         )
@@ -116,7 +116,7 @@ def scratch_file(nbytes: int, otherwise: str = "") -> IO[bytes]:
         if error.errno in UNRESERVED:
             return file
         file.close()
-        raise InputError(
+        raise MachineLimit(
             f"a scratch file of {text_of(nbytes)} can't be written in {folder} ({error.strerror}); set TMPDIR to a "
             f"folder on another disk{otherwise}."
         ) from None

@@ -45,7 +45,7 @@ def photographs_needed(result: Path, given: Path | None, what: str, otherwise: s
     mask = read_npz(result / "normals.npz", "measure again", ("mask",)).get("mask")
     if mask is None:
         raise InputError(f"{result / 'normals.npz'} holds no mask; measure again.")
-    found, missing = photographs_of(report, given, mask.shape)
+    found, missing = photographs_of(report, result, given, mask.shape)
     if found is None:
         said = f"{(missing or '').removesuffix('.')}, {otherwise}." if otherwise else missing
         raise InputError(f"{what} fitted to the photographs of {result}. {said}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -137,7 +138,7 @@ def open_result(folder: str | Path, capture: str | Path | None = None, mm_per_px
     if (folder / "depth.npz").is_file():
         surface = read_depth(folder / "depth.npz")
         _same_size(folder / "depth.npz", surface.depth.shape, normals.mask.shape)
-    photographs, missing = photographs_of(report, capture, normals.mask.shape)
+    photographs, missing = photographs_of(report, folder, capture, normals.mask.shape)
     if mm_per_px is None:
         mm_per_px = mm_per_px_of(report, folder)
     name = report.get("capture") or folder.resolve().name
@@ -230,16 +231,16 @@ def _same_size(path: Path, shape: tuple[int, ...], frame: tuple[int, ...]) -> No
 
 
 def photographs_of(
-    report: StoredReport, given: str | Path | None, shape: tuple[int, ...]
+    report: StoredReport, folder: Path, given: str | Path | None, shape: tuple[int, ...]
 ) -> tuple[Capture | None, str | None]:
-    """The photographs that were measured, or why they are left out. What the user named must fit."""
+    """The photographs that were measured into a folder, or why they are left out. What the user named must fit."""
     source = given if given is not None else report.get("source")
     if source is None:
         return None, "The report does not say where the photographs are; name them with --capture."
     if source == "demo":
         source = DEMO
     try:
-        found = load(source, **report.get("reading", {}))
+        found = load(source, **_reading(report, folder, Path(source)))
         if found.mask.shape != shape:
             raise InputError(
                 f"{source} holds photographs of {in_pixels(found.mask.shape)} but the normals have {in_pixels(shape)}; "
@@ -252,7 +253,23 @@ def photographs_of(
     except (InputError, TypeError) as error:
         if given is not None:
             raise InputError(f"--capture: {error}") from None
-        return None, f"The photographs are no longer in {source}; name them with --capture."
+        if not Path(source).exists():
+            return None, f"The photographs are no longer in {source}; name them with --capture."
+        return None, f"The photographs can't be read as they were when they were measured: {error}"
+
+
+def _reading(report: StoredReport, folder: Path, source: Path) -> dict[str, Any]:
+    """How the photographs are read, wherever they, and the files of the result in `folder`, lie by now."""
+    before = Path(report.get("source", ""))
+    before, now = (p.parent if p.suffix.lower() == ".lp" else p for p in (before, source))
+    reading = {key: value for key, value in report.get("reading", {}).items() if key != "memory"}
+    for key, value in reading.items():
+        if isinstance(value, str) and os.path.isabs(value) and not os.path.exists(value):
+            moved = [folder / Path(value).name]
+            if Path(value).is_relative_to(before):
+                moved.insert(0, now / Path(value).relative_to(before))
+            reading[key] = str(next((p for p in moved if p.exists()), value))
+    return reading
 
 
 def lit_by(capture: Capture, lit: StoredLights) -> Capture:

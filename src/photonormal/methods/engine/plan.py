@@ -6,7 +6,7 @@ import torch
 
 from photonormal.files import memory
 from photonormal.methods.learned.network import Network, PixelNetwork
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture, MachineLimit
 
 LEVELS = 2**26  # grey levels held at a time, at most
 LEVEL = 64  # bytes allowed for each, with what is made of them
@@ -123,7 +123,7 @@ def _down(pixels: int, stride: int) -> int:
 
 def _refuse(needed: int, what: str) -> None:
     if needed > memory.allowed():
-        raise InputError(
+        raise MachineLimit(
             f"{what} needs {memory.text_of(needed)} but {memory.text_of(memory.allowed())} of memory is allowed; allow "
             f"more, such as --memory {memory.text_of(needed, '')}."
         )

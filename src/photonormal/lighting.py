@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
-from photonormal.types import Capture, Image, Images, window_of
+from photonormal.types import Capture, Image, Images, saturated_in, window_of
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,10 @@ class Divided:
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of one picture."""
         return window_of(self.images, j, rows, columns) / np.float32(self.intensities[j])
+
+    def saturated(self, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
+        """Where the pictures themselves say so."""
+        return saturated_in(self.images, j, rows, columns)
 
     def __getitem__(self, j: int, /) -> Image:
         return self.window(j, slice(None), slice(None))

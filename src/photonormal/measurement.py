@@ -261,13 +261,11 @@ def _read(capture: Capture) -> dict[str, float]:
     with progress(f"reading {n} images", n) as advance:
 
         def count(j: int) -> tuple[int, int]:
-            # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
-            white = np.inf if capture.saturation is None else capture.saturation[j] * (1 - 1e-5)
             saturated = zero = 0
             for rows in row_bands(capture.mask):
-                samples = picked(capture.window(j, rows, columns), capture.mask[rows, columns])  # (p, c)
-                saturated += int(np.count_nonzero(samples >= white))
-                zero += int(np.count_nonzero(samples <= 0))
+                image, inside = capture.window(j, rows, columns), capture.mask[rows, columns]
+                saturated += int(np.count_nonzero(picked(capture.saturated(j, rows, columns, image), inside)))
+                zero += int(np.count_nonzero(picked(image, inside) <= 0))
             advance()
             return saturated, zero
 

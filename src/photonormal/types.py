@@ -47,7 +47,8 @@ class Images(Protocol):
     """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for.
 
     Those that can read a part of one alone have ``window(j, rows, columns)``, which `window_of` asks; `rows` may be
-    every second or third of them.
+    every second or third of them. Those whose samples were changed after the sensor cut them off tell by
+    ``saturated(j, rows, columns)`` where it did, as `Capture.saturated` does; None: by their level alone.
     """
 
     @property
@@ -60,6 +61,12 @@ def window_of(images: Images, j: int, rows: slice, columns: slice) -> Image:
     """A part of one picture, without more of it being read where the images can do so."""
     read = getattr(images, "window", None)
     return images[j][rows, columns] if read is None else read(j, rows, columns)
+
+
+def saturated_in(images: Images, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
+    """Where the images say that a part of one is saturated; None where they don't say it."""
+    told = getattr(images, "saturated", None)
+    return None if told is None else told(j, rows, columns)
 
 
 @runtime_checkable
@@ -184,6 +191,14 @@ class Capture:
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of image `j`, as `window_of` reads it."""
         return window_of(self.images, j, rows, columns)
+
+    def saturated(self, j: int, rows: slice, columns: slice, shown: Image) -> Bool[np.ndarray, "h w c"]:
+        """Where a part of image `j`, which is `shown`, is saturated; nowhere if that is not known."""
+        told = saturated_in(self.images, j, rows, columns)
+        if told is not None:
+            return told
+        # the division by the light's intensity rounds: a saturated sample may fall short by the last bits
+        return shown >= (np.inf if self.saturation is None else self.saturation[j] * (1 - 1e-5))
 
     def samples(self, rows: slice, columns: slice, on: Mask) -> Float[np.ndarray, "p n c"]:
         """What all images show of the pixels `on` of a window, float32."""

@@ -59,6 +59,22 @@ def test_hot_pixels_are_found_in_the_dark_frame_and_in_the_pictures(shot):
         assert abs(image[20, 30] - image[20, 29]).max() < 0.1
 
 
+@pytest.mark.parametrize("how", [("dark",), ("flat",), ("dark", "flat")])
+def test_samples_that_were_white_stay_known_as_white(shot, how):
+    folder, right = shot
+    bright = (1.8 * np.asarray(right.images) + 0.05).clip(0, 1)
+    write_diligent(folder / "object", pn.Capture(bright, right.mask, right.lights, right.truth))
+    raw = pn.load(folder / "object")
+    capture = pn.load(folder / "object", **{name: folder / f"{name}.png" for name in how})
+    everywhere = np.s_[:, :]
+    white = np.stack([raw.saturated(j, *everywhere, raw.images[j]) for j in range(9)])
+    told = np.stack([capture.saturated(j, *everywhere, capture.images[j]) for j in range(9)])
+    assert 10 < white.sum() < white.size / 2 and (told == white).all()
+    part = pn.load(folder / "object", crop="12,10,20,24", **{name: folder / f"{name}.png" for name in how})
+    there = np.stack([part.saturated(j, *everywhere, part.images[j]) for j in range(9)])
+    assert (there == white[:, 10:34, 12:32]).all()
+
+
 def test_an_even_surface_has_no_hot_pixels():
     rng = np.random.default_rng(0)
     assert not hot_pixels((0.3 + 0.003 * rng.standard_normal((60, 60, 1))).astype(np.float32)).any()
@@ -69,6 +85,7 @@ def test_an_even_surface_has_no_hot_pixels():
     [
         ({"dark": "small.png"}, "dark frame .* take it with the same camera"),
         ({"flat": "black.png"}, "black on most of the frame"),
+        ({"flat": "white.png"}, "100 % of the flat field .* is white.* expose less"),
         ({"flat": "holes.png"}, "of the flat field .* is black"),
         ({"lens": "text.yml"}, "lens calibration|has no camera_matrix"),
         ({"frame": "left-handed"}, "no frame 'left-handed'; choose from opengl"),
@@ -79,6 +96,7 @@ def test_what_does_not_fit_is_refused_in_one_line(shot, how, says):
     folder, _ = shot
     png(folder / "small.png", np.ones((10, 10)))
     png(folder / "black.png", np.zeros((48, 48)))
+    png(folder / "white.png", np.ones((48, 48)))
     png(folder / "holes.png", np.where(np.arange(48) < 5, 0, 0.8) * np.ones((48, 1)))
     (folder / "text.yml").write_text("hello: [")
     named = {k: v if k == "frame" else folder / v for k, v in how.items()}

@@ -56,6 +56,9 @@ def test_a_subset_takes_its_own_boards(folder):
 
 
 def test_boards_that_do_not_fit_are_refused(folder):
+    write(folder / "bright", 4 * shown(np.array([0, 0, 1.0])), "white{}.png")
+    with pytest.raises(InputError, match=r"of the flat field .* is white"):
+        pn.load(folder / "object", flat=folder / "bright")
     write(folder / "white", shown(np.array([0, 0, 1.0]))[:5], "white{}.png")
     with pytest.raises(InputError, match="has 5 pictures but one of a white board for each of 9 lights"):
         pn.load(folder / "object", flat=folder / "white")

@@ -125,12 +125,17 @@ def intensities_of(capture: Capture) -> np.ndarray | None:
     """The intensities (n,) that a capture's files were divided by, as grey levels; None where they tell none."""
     from photonormal.shading import LUMA
 
+    e = np.asarray(getattr(files_behind(capture), "intensities", np.ones((1, 1))))
+    grey = e @ np.array(LUMA) if e.shape[1] == 3 else e[:, 0]
+    return None if np.ptp(grey) == 0 else grey
+
+
+def files_behind(capture: Capture) -> Any:
+    """The `ImageFiles` behind pictures that are corrected or cropped; the pictures themselves where there are none."""
     images: Any = capture.images
     while hasattr(images, "images"):
         images = images.images
-    e = np.asarray(getattr(images, "intensities", np.ones((1, 1))))
-    grey = e @ np.array(LUMA) if e.shape[1] == 3 else e[:, 0]
-    return None if np.ptp(grey) == 0 else grey
+    return images
 
 
 def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
@@ -138,10 +143,7 @@ def files_read(path: str | Path, capture: Capture, *others: Any) -> list[Path]:
     from photonormal.capture.images import files_of
 
     path = Path(path)
-    images: Any = capture.images
-    while hasattr(images, "images"):  # those that are corrected or cropped
-        images = images.images
-    pictures = [file for picture in getattr(images, "pictures", ()) for file in files_of(picture)]
+    pictures = [file for picture in getattr(files_behind(capture), "pictures", ()) for file in files_of(picture)]
     return [path, *([path.parent] if path.is_file() else []), *pictures, *(p for p in others if isinstance(p, Path))]
 
 

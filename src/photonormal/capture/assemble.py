@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.capture import UNKNOWN
-from photonormal.capture.corrections import Corrected, FlatFields, flat_field, hot_pixels, read_frame
+from photonormal.capture.corrections import MOST_WHITE, Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.cropped import cropped
 from photonormal.capture.encoding import JPEG, doubtful, encoding_told, encodings
 from photonormal.capture.exif import exposures
@@ -296,7 +296,7 @@ def corrected(
     if flats is not None:
         flat = FlatFields(flats[0], shape, dark, encoding, flats[1])
     elif choice.flat:
-        flat = flat_field(read_frame(choice.flat, shape, "flat field", encoding), dark, choice.flat)
+        flat = flat_field(read_frame(choice.flat, shape, "flat field", encoding, MOST_WHITE), dark, choice.flat)
     hot = None
     if choice.hot_pixels:
         level = dark

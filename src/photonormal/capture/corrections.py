@@ -6,7 +6,9 @@ the camera under each light shows g e l_z, fall-off and all.
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Callable, Sequence
+from math import prod
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,7 @@ from photonormal.files.decode import decode, frame_of, full_scale
 from photonormal.types import Image, InputError
 
 GRAZING = 0.05  # cosine of a light on a board, at least
+MOST_WHITE = 0.05  # part of a flat field that may be as bright as its file can hold: it tells no brightness there
 LEAST_FLAT = 0.02  # of the flat field's median: darker places hold no light to divide by
 HOT, RATIO = 0.03, 1.5  # of full scale, and times the median of its neighbours: above both a pixel is hot
 
@@ -52,6 +55,7 @@ class Corrected:
         self.shape, self.dtype, self.intensities = images.shape, images.dtype, images.intensities
         box = (slice(0, self.shape[1]), slice(0, self.shape[2])) if box is None else box
         self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: self.decoded(j)[box])
+        self._white: dict[int, bytes] = {}  # picture -> where its samples were saturated, a bit each, compressed
 
     def __getitem__(self, j: int) -> Image:
         return self.window(j, slice(None), slice(None))
@@ -60,9 +64,19 @@ class Corrected:
         """A part of picture `j`; each is corrected once, and kept."""
         return self._kept.image(j, rows, columns)
 
+    def saturated(self, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
+        """Where the sensor cut off what a part of picture `j` shows, which no level tells once it is corrected."""
+        if self.images.saturation is None:
+            return None
+        if j not in self._white:
+            self.window(j, slice(0, 1), slice(0, 1))
+        bits = np.frombuffer(zlib.decompress(self._white[j]), np.uint8)
+        return np.unpackbits(bits, count=prod(self.shape[1:])).reshape(self.shape[1:])[rows, columns] > 0
+
     def decoded(self, j: int) -> Image:
         """Picture `j`, decoded and corrected anew, and not kept."""
         image = self.images.decoded(j)
+        white = None if self.images.saturation is None else image >= self.images.saturation[j] * (1 - 1e-5)
         if self.dark is not None:
             image = np.maximum(image - self.images.own(self.dark, j) / self.intensities[j], 0)
         if self.hot is not None and self.hot.any():
@@ -71,6 +85,9 @@ class Corrected:
             image = image / self.images.own(self.flat(j) if callable(self.flat) else self.flat, j)
         if self.lens is not None:
             image = self.lens.undistorted(image)
+            white = None if white is None else self.lens.undistorted(white.astype(np.uint8), nearest=True) > 0
+        if white is not None:
+            self._white[j] = zlib.compress(np.packbits(white).tobytes(), 1)
         return image.astype(np.float32, copy=False)
 
     def __len__(self) -> int:
@@ -84,10 +101,13 @@ def neighbours(image: Float[np.ndarray, "h w c"]) -> Float[np.ndarray, "h w c"]:
     return cv2.medianBlur(np.ascontiguousarray(image, np.float32), 3).reshape(image.shape)
 
 
-def read_frame(path: Path, shape: tuple[int, ...], what: str, encoding: Encoding) -> np.ndarray:
+def read_frame(
+    path: Path, shape: tuple[int, ...], what: str, encoding: Encoding, most_white: float = 1.0
+) -> np.ndarray:
     """A dark frame or flat field (h, w, c) as a fraction of full scale, linear.
 
-    `encoding` is that of the photographs, which holds where the file says nothing or the user says what it is.
+    `encoding` is that of the photographs, which holds where the file says nothing or the user says what it is; of its
+    pixels at most a part `most_white` may be at full scale.
     """
     frame = frame_of(path)
     samples = decode(path) if frame == tuple(shape[:2]) else None
@@ -96,6 +116,12 @@ def read_frame(path: Path, shape: tuple[int, ...], what: str, encoding: Encoding
         raise InputError(
             f"the {what} {path} is {came} but the photographs are {tuple(shape)}; take it with the same camera and "
             "settings."
+        )
+    white = float((samples == full_scale(samples)).any(-1).mean()) if samples.dtype.kind == "u" else 0.0
+    if white > most_white:
+        raise InputError(
+            f"{100 * white:.0f} % of the {what} {path} is white, so that it doesn't tell how bright it is there; "
+            "expose less, and photograph it again."
         )
     own = encoding if encoding.by_user else encoding_of(path)
     encoding = own if own.declared else encoding
@@ -157,7 +183,7 @@ class FlatFields:
         return np.where(level > LEAST_FLAT * np.median(level), level / self.cosines[j], np.inf)
 
     def _level(self, j: int) -> np.ndarray:
-        level = read_frame(self.paths[j], self.shape, "flat field", self.encoding)
+        level = read_frame(self.paths[j], self.shape, "flat field", self.encoding, MOST_WHITE)
         return level if self.dark is None else np.maximum(level - self.dark, 0)
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Bool
 
 from photonormal.capture.corrections import Corrected
 from photonormal.capture.images import MARGIN, ImageFiles
 from photonormal.capture.store import Framed
 from photonormal.crop import Crop
 from photonormal.masked import box_of
-from photonormal.types import Capture, Image, InputError, Normals
+from photonormal.types import Capture, Image, InputError, Normals, saturated_in
 
 
 def cropped(capture: Capture, images: ImageFiles | Corrected, crop: Crop) -> Capture:
@@ -64,11 +65,22 @@ class Cropped:
         """A part of picture `j`, in pixels of the crop."""
         if self.crop.scale < 1:
             return self._kept.image(j, rows, columns)
+        return self.images.window(j, *self._in_photographs(rows, columns))
+
+    def saturated(self, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
+        """Where the photographs say so; of smaller ones, where most of what became a pixel is."""
+        if self.crop.scale == 1:
+            return saturated_in(self.images, j, *self._in_photographs(rows, columns))
+        whole = saturated_in(self.images, j, slice(None), slice(None))
+        return None if whole is None else self.crop.reduced(whole.astype(np.float32))[rows, columns] > 0.5
+
+    def _in_photographs(self, rows: slice, columns: slice) -> tuple[slice, slice]:
+        """Rows and columns of the crop where they lie in the photographs."""
         places = []
         for span, side, box in zip((rows, columns), self.crop.shape, self.crop.box, strict=True):
             first, last, step = span.indices(side)
             places.append(slice(box.start + first, box.start + last, step))
-        return self.images.window(j, *places)
+        return places[0], places[1]
 
     def __len__(self) -> int:
         return self.shape[0]

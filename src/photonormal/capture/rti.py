@@ -16,7 +16,7 @@ from photonormal.capture import folder
 from photonormal.capture.assemble import Choice
 from photonormal.capture.lights import read_lights
 from photonormal.capture.lights.match import located
-from photonormal.capture.pictures import picture_files
+from photonormal.capture.pictures import picture_files, pictures_below
 from photonormal.types import Capture, InputError
 
 ASSEMBLY = "assembly-files"  # the folder of a project that holds the lists
@@ -45,6 +45,16 @@ def _read(lp: Path, choice: Choice, path: Path | None = None) -> Capture:
     place = lp.resolve().parent
     of_project = place.name.lower() == ASSEMBLY and not picture_files(place)
     return folder.read(place.parent if of_project else path or lp.parent, choice, lights=lp)
+
+
+def named_pictures(path: Path) -> list[Path]:
+    """The files that an `.lp` file names, or the one in a folder or project; none where there is no list."""
+    lists = [path] if path.is_file() else _lp_files(path) or _of_project(path)
+    if not lists:
+        return []
+    lp = _chosen(lists, path)
+    named = located(read_lights(lp).names, lp.parent, pictures_below(lp.parent))
+    return [picture for picture in named if os.path.isfile(picture)]
 
 
 def _lp_files(path: Path) -> list[Path]:

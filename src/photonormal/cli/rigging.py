@@ -130,7 +130,8 @@ class Intensities:
             self.capture, self.out, self.reference, self.region, overwrite=self.overwrite, **self.read.how()
         )
         print(f"{len(e)} intensities from {e.min():.3f} to {e.max():.3f}: {self.out}")
-        next_step("check", self.capture, *words_of(self.read), "--intensities", self.out)
+        read = replace(self.read, lights=replace(self.read.lights, intensities=self.out))
+        next_step("check", self.capture, *words_of(read))
         return 0
 
 
@@ -139,7 +140,7 @@ class Mask:
     """A mask picture from the object's shading, with a preview."""
 
     folder: Positional[Path]
-    """Photographs of a lit object on a darker ground."""
+    """Photographs of a lit object on a darker ground; or an .lp file that names them."""
     out: Path = Path("mask.png")
     """Picture to write, white on the object; a preview is written beside it."""
     overwrite: bool = False
@@ -236,8 +237,7 @@ class Check:
     def _next(self, found: list[Finding]) -> tuple[object, ...]:
         """The words of the command that comes next, with the options and lights that mend what was found."""
         if any(f.grave and f.kind == "mask" for f in found):
-            folder = self.capture if self.capture.is_dir() else self.capture.parent
-            return "mask", folder, "--out", "object-mask.png"
+            return "mask", self.capture, "--out", "object-mask.png"
         options = {name: value for f in found for name, value in f.options.items()}
         refine = ["--refine-lights"] * options.pop("refine_lights", self.refine_lights)
         read = replace(self.read, corrections=replace(self.read.corrections, **options))

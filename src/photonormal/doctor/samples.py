@@ -66,8 +66,8 @@ def read(capture: Capture) -> Samples:
         for band in bands:
             at = slice(rows.start + band.start, rows.start + band.stop)
             image = capture.window(j, at, columns)
-            inside = picked(image, mask[at, columns])  # (q, c)
-            saturated += np.count_nonzero(inside >= white * (1 - 1e-5)) / inside.shape[1]
+            white_ones = capture.saturated(j, at, columns, image)
+            saturated += np.count_nonzero(picked(white_ones, mask[at, columns])) / image.shape[2]
             grey[band] = cv2.transform(image, np.full((1, image.shape[2]), 1 / image.shape[2], np.float32))
             first = (object_rows.start - at.start) % step, object_columns.start - columns.start
             some = np.s_[first[0] :: step, first[1] :: step]

@@ -26,7 +26,7 @@ from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.inputs.workers import side_by_side
 from photonormal.progress import progress
-from photonormal.types import Capture, Materials, Normals
+from photonormal.types import Capture, Materials, Normals, saturated_in
 
 CPU = torch.device("cpu")
 PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache
@@ -114,23 +114,26 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
 
 @dataclass(frozen=True)
 class SeenPixels:
-    """Radiance, normals and lights of some pixels, and from which radiance on a channel is saturated."""
+    """Radiance, normals and lights of some pixels, and which samples are saturated, or nearly."""
 
     I: Float[Tensor, "p n c"]
     N: Float[Tensor, "p 3"]
     L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"]
-    white: Float[Tensor, "*n_c"]
+    white: Bool[Tensor, "p n c"]
 
     def samples(self) -> ReflectanceSamples:
-        return samples(self.I, self.N, self.L, self.I >= self.white)
+        return samples(self.I, self.N, self.L, self.white)
 
 
 def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> Iterator[SeenPixels]:
     """What is seen of the normals' pixels in a window, some at a time."""
     on, asked = normals.mask[rows, columns], capture.mask[rows, columns]
     I = torch.from_numpy(capture.samples(rows, columns, on))  # (p, n, c)
-    white = np.inf if capture.saturation is None else np.asarray(capture.saturation, np.float32)
-    white = torch.as_tensor(SATURATED * white)  # (n, c)
+    level = np.inf if capture.saturation is None else np.asarray(capture.saturation, np.float32)
+    white = I >= torch.as_tensor(SATURATED * level)  # (p, n, c)
+    for j in range(I.shape[1]):
+        if (told := saturated_in(capture.images, j, rows, columns)) is not None:
+            white[:, j] = torch.from_numpy(told[on])
     N = torch.from_numpy(normals.map[rows, columns][on])
     numbers = int(np.count_nonzero(capture.mask[: rows.start])) + np.flatnonzero(on[asked])  # on the capture's mask
     lights = torch.from_numpy(capture.known_lights().astype(np.float32))
@@ -138,7 +141,7 @@ def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> It
         part = slice(first, first + PIXELS)
         if capture.lights_at is not None:
             lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
-        yield SeenPixels(I[part], N[part], lights, white)
+        yield SeenPixels(I[part], N[part], lights, white[part])
 
 
 def _roughness(seen: list[SeenPixels], where: Bool[Tensor, "h w"], channels: int) -> Float[Tensor, " p"]:

@@ -7,19 +7,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from jaxtyping import Float
 
-from photonormal.capture import files_read, load
+from photonormal.capture import files_behind, files_read, load
+from photonormal.capture.assemble import Choice, corrected
 from photonormal.capture.encoding import encodings
-from photonormal.capture.images import ImageFiles
+from photonormal.capture.exif import exposures
+from photonormal.capture.images import ImageFiles, files_of
 from photonormal.disk import at_once, refuse_taken
 from photonormal.progress import progress
-from photonormal.rig.pictures import images_of, numbered_pictures
+from photonormal.rig.pictures import pictures_for
 from photonormal.types import Capture, InputError
 
 if TYPE_CHECKING:
     from photonormal.doctor.given import Near
 
 REFERENCE_PIXELS = 3000  # of the object that intensities are found from
+WHITE = 0.05  # part of a board that may be as bright as its file can hold
 
 
 def intensities(
@@ -38,37 +42,65 @@ def intensities(
         own shading tells what they send out, the board what arrives at its distance
     out : `light_intensities.txt`, which is read where it lies beside the photographs
     reference : folder with photographs of a matt white or grey board that faces the camera, under the same lights in
-        the same order; without it and `region`, intensities are found from the object's own shading
+        the same order, or of the same names; read and corrected as the object's. Without it and `region`, intensities
+        are found from the object's own shading
     region : "x0,y0,x1,y1" in pixels: where the board is, in the reference's photographs or in the object's; the whole
         frame of the reference without it
     """
-    from photonormal.calibration.intensities import from_reference
     from photonormal.export import lights as text
 
     out = Path(out)
     refuse_taken([out], overwrite)
     photographs = load(capture, **how)
     refuse_taken([out], overwrite, files_read(capture, photographs, *how.values()))
-    n = len(photographs.image_names)
     L = photographs.known_lights()
+    if (flat := how.get("flat")) and Path(flat).is_dir():
+        raise InputError(f"--flat {flat} tells the lights' intensities already; leave it out to find them another way.")
     with progress("intensities"):
         if reference is not None or region:
-            paths = numbered_pictures(Path(reference if reference is not None else capture))
-            if len(paths) != n:
-                raise InputError(
-                    f"{reference or capture} holds {len(paths)} photographs of the board but {n} are needed."
-                )
-            images = ImageFiles(
-                paths, None, np.ones((n, 1)), encodings(paths, bool(how.get("srgb")), bool(how.get("linear")))
-            )
-            box = _region(region, images.shape[1:3])
-            levels = np.stack(images_of(images, lambda image: np.median(image[box], axis=(0, 1))))
-            e = from_reference(levels, str(reference or capture), np.array([0.0, 0, 1]), L)
+            e = _by_board(photographs, Path(reference if reference is not None else capture), region, L, how)
         else:
-            e = _by_shading(photographs, L)
+            e = _by_shading(photographs, L) * _given(photographs, bool(how.get("exif_exposure")))
+            e = e / e.mean()
     with at_once(out.parent) as batch:
         batch.write(out.name, text.table(e))
     return e
+
+
+def _given(photographs: Capture, exposed: bool) -> Float[np.ndarray, "n c"]:
+    """Intensities that the photographs were divided by, which those that are found of them come on top of.
+
+    Without what they were `exposed` by Exif: that stays an option of its own.
+    """
+    files = files_behind(photographs)
+    return files.intensities / (exposures([files_of(p)[0] for p in files.pictures]) if exposed else 1)
+
+
+def _by_board(
+    photographs: Capture, place: Path, region: str, L: np.ndarray, how: dict[str, Any]
+) -> Float[np.ndarray, "n c"]:
+    """Intensities from the pictures of a board, one for each photograph, read and corrected as these are."""
+    from photonormal.calibration.intensities import from_reference
+
+    paths = pictures_for(photographs.image_names, place, "the board")
+    said = encodings(paths, bool(how.get("srgb")), bool(how.get("linear")))
+    files = ImageFiles(paths, None, exposures(paths) if how.get("exif_exposure") else np.ones((len(paths), 1)), said)
+    dark, flat = (Path(how[name]) if how.get(name) else None for name in ("dark", "flat"))
+    choice = Choice(dark=dark, flat=flat, hot_pixels=bool(how.get("hot_pixels")))
+    images = corrected(files, choice, None, None, None)
+    board = Capture(images, saturation=files.saturation, image_names=tuple(p.name for p in paths))
+    rows, columns = box = _region(region, images.shape[1:3])
+
+    def level(j: int) -> np.ndarray:
+        shown = board.window(j, *box)
+        if board.saturated(j, rows, columns, shown).mean((0, 1)).max() > WHITE:
+            raise InputError(
+                f"{paths[j].name} of {place} is white where the board is, so that it doesn't tell how bright its light "
+                "is; expose less, and photograph it again."
+            )
+        return np.median(shown, axis=(0, 1))
+
+    return from_reference(np.stack(board.each_image(level)), str(place), np.array([0.0, 0, 1]), L)
 
 
 def _by_shading(photographs: Capture, L: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from photonormal.geometry import angle_deg, in_frame
 from photonormal.options import Coordinate, Positive, check_value
 from photonormal.progress import progress
 from photonormal.resources import by_one_thread
-from photonormal.rig.pictures import brightest_of, numbered_pictures, pictures_of, spheres_in_order
+from photonormal.rig.pictures import brightest_of, numbered_pictures, pictures_for, pictures_of
 from photonormal.types import InputError
 
 AUTO = "AUTO"  # the spheres are in the object's own photographs
@@ -178,7 +178,7 @@ def _shown(found: Sequence[Sphere], L: np.ndarray, written: np.ndarray, names: S
 
 def _images(folder: Path, names: Sequence[str], kept: Sequence[int]) -> ImageFiles:
     """The sphere's pictures of a folder that belong to those `kept` of the object's pictures `names`."""
-    paths = spheres_in_order(names, numbered_pictures(folder), folder)
+    paths = pictures_for(names, folder, "the sphere")
     return ImageFiles([paths[j] for j in kept], None, np.ones((len(kept), 1)))
 
 

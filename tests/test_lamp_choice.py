@@ -56,6 +56,15 @@ def test_the_chosen_are_better_than_those_it_began_with(few):
     assert len({found.all_deg, found.chance_deg, found.error_deg}) == 3
 
 
+@pytest.mark.parametrize(
+    ("lamp", "says"), [((0, 0, 0), "the light of lamp 13 is"), ((0.6, 0, -0.8), "1 of the 13 lights .* lie behind")]
+)
+def test_lamps_that_light_nothing_are_refused(tmp_path, lamp, says):
+    np.savetxt(tmp_path / "lights.txt", [*RIG, lamp])
+    with pytest.raises(InputError, match=says):
+        lamp_choice.choose_from(tmp_path / "lights.txt", 4)
+
+
 @pytest.mark.parametrize("count", [2, 12, 40])
 def test_a_choice_needs_something_to_choose_from(count):
     with pytest.raises(InputError, match=f"--count {count} came but from 3 to 11 of these 12 lamps can be chosen"):

@@ -1,5 +1,7 @@
 """Which files of a folder are photographs, which are used, and what is said of the others."""
 
+import os
+
 import numpy as np
 import pytest
 import tifffile
@@ -47,9 +49,11 @@ class TestSubset:
 
 class TestFolder:
     def test_image_10_comes_after_image_9(self, tmp_path):
-        order = ["a.png", "B9.png", "b10.png", "img1a.png", "img1b.png", "img02.png", "img2.png", "img²1.png", "1.png"]
-        paths = [tmp_path / name for name in order]
-        assert sorted(paths[::-1], key=natural) == sorted(paths, key=natural) == paths
+        order = ["1.png", "a.png", "B9.png", "b10.png", "img1a.png", "img1b.png", "img02.png", "img2.png", "img²1.png"]
+        for name in order:
+            (tmp_path / name).touch()
+        assert sorted(order[::-1], key=natural) == sorted(order, key=natural) == order
+        assert [p.name for p in find_pictures(tmp_path)] == order
 
     def test_what_is_no_photograph(self, tmp_path):
         for name in (
@@ -100,6 +104,18 @@ class TestOtherPictures:
     def test_pictures_that_are_alike_are_told_by_the_first_and_last(self, tmp_path):
         write_picture(write_folder(tmp_path) / "5.png", samples(7))
         assert "they are 1.png to 5.png" in refusal(load, tmp_path)
+
+    @pytest.mark.parametrize("name", ["{}.png", "IMG_{:04d}.png", "2024-05 {:02d} b.png"])
+    def test_a_picture_that_is_missing_between_others_is_named(self, tmp_path, name):
+        for j in (7, 8, 10, 11):
+            write_picture(tmp_path / name.format(j), samples(j))
+        np.savetxt(tmp_path / "light_directions.txt", np.concatenate([LIGHTS, LIGHTS[:1]]))
+        message = refusal(load, tmp_path)
+        assert f"between {name.format(7)} and {name.format(11)} {name.format(9)} is missing: restore it" in message
+        assert f"{name.format(9)} is missing" in refusal(load, tmp_path, ring=5, elevation=45)
+        assert "--start came without --ring" in refusal(load, tmp_path, start=45.0)
+        os.rename(tmp_path / name.format(11), tmp_path / name.format(9))
+        assert f"they are {name.format(7)} to {name.format(10)}; pictures are missing" in refusal(load, tmp_path)
 
     def test_results_and_thumbnails_are_none(self, tmp_path):
         write_folder(tmp_path)

@@ -66,7 +66,7 @@ def test_a_dark_object_on_a_bright_ground_is_no_inverted_mask(right):
 @pytest.mark.parametrize(("flip", "frame"), [([1, -1, 1], "directx"), ([1, 1, -1], "z-away"), ([1, -1, -1], "y-down")])
 def test_a_frame_that_has_a_name_is_named(right, flip, frame):
     found = [f for f in findings_of(replace(right, lights=right.lights * flip)) if f.kind == "frame"]
-    assert f"--frame {frame} in place of opengl" in found[0].message
+    assert f"where no --frame was given, add --frame {frame}." in found[0].message
 
 
 @pytest.mark.parametrize(
@@ -133,11 +133,12 @@ def test_a_black_ground_is_not_what_lies_in_the_dark(right):
     assert kinds(replace(right, images=small.clip(0.0), mask=np.ones((120, 120), bool), truth=None)) == {"mask"}
 
 
-def test_a_lamp_that_was_off_is_named(right):
+@pytest.mark.parametrize("off", [[5], list(range(1, 9))])
+def test_lamps_that_were_off_are_named_be_they_most_of_them(right, off):
     images = np.array(right.images)
-    images[5] = 0.001
+    images[off] = 0.001
     (found,) = [f for f in findings_of(replace(right, images=images)) if f.kind == "darkness"]
-    assert found.grave and found.numbers["pictures"] == ["IMG_6.png"]
+    assert found.grave and found.numbers["pictures"] == [f"IMG_{j + 1}.png" for j in off]
 
 
 @pytest.mark.parametrize("factor", [1.5, 1.15, 0.85])

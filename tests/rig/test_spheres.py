@@ -76,6 +76,38 @@ def test_two_folders_are_averaged_and_their_disagreement_reported(rig, capsys):
     report = json.loads((rig / "lights.json").read_text())
     assert angle_deg(read_lights(rig / "lights.lp").vectors, dome(9)).max() < 0.8
     assert all(len(light["off_mean_deg"]) == 2 and max(light["off_mean_deg"]) < 1 for light in report["lights"])
+    assert report["warnings"] == []
+
+
+def test_spheres_that_disagree_are_told(rig, capsys):
+    write_chrome(rig / "second", dome(9)[::-1], centre=(170.0, 110.0), radius=70.0)
+    where = [
+        "--sphere",
+        rig / "chrome",
+        rig / "second",
+        "--circle",
+        circle(*CENTRE, RADIUS),
+        circle(170.0, 110.0, 70.0),
+    ]
+    code, _, err = run(capsys, "calibrate", rig / "object", *where, "--out", rig / "lights.lp")
+    assert code == 0 and "the spheres disagree about 8 of 9 lights" in err and "in another order" in err
+
+
+def circle(x: float, y: float, r: float) -> str:
+    return f"{x},{y},{r}"
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        (["--circle", "150,117,81", "50,50,20"], "2 circles came for 1 sphere; give one for each"),
+        (["--count", "2", "--circle", "150,117,81"], "1 circle came for 2 spheres; give one for each"),
+        (["--radius-mm", "20"], "--radius-mm 20 came for one sphere but"),
+    ],
+)
+def test_what_would_be_left_unused_is_refused(rig, capsys, given, says):
+    code, _, err = run(capsys, "calibrate", rig / "object", "--sphere", rig / "chrome", "--out", rig / "a.lp", *given)
+    assert code == 2 and says in err and not (rig / "a.lp").exists()
 
 
 def test_two_spheres_in_one_frame_give_positions(tmp_path, capsys):

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from photonormal.capture import UNKNOWN
+from photonormal.capture.pictures import natural
 from photonormal.capture.texts import beside, read_lines, spellings
 from photonormal.files.opening import read_bytes
 from photonormal.job import Job
@@ -98,7 +99,7 @@ def jobs(captures: Sequence[str], out: Path, like: Job, kinds: Mapping[str, Any]
         Named(name, _with(replace(like, capture=given.path, out=out / name), given.options or {}).located(given.base))
         for name, given in chosen.items()
     )
-    return FoundCaptures(sorted(made, key=lambda named: numbers_first(named.name)), left_out)
+    return FoundCaptures(sorted(made, key=lambda named: natural(named.name)), left_out)
 
 
 def _found(
@@ -124,11 +125,6 @@ def _found(
             fixed.append(Path(os.path.abspath(path)).parent if there else _fixed(text))
             found.append(GivenCapture(match))
     return found, fixed, left_out
-
-
-def numbers_first(name: str) -> list[tuple[bool, int, str]]:
-    """Sorting key that puts 10 after 9, and numbers before words."""
-    return [(False, int(t), "") if t[0] in "0123456789" else (True, 0, t) for t in re.split(r"([0-9]+)", name) if t]
 
 
 def _ending(path: Path) -> str:

@@ -10,10 +10,10 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
-from photonormal.batch.captures import numbers_first
 from photonormal.batch.page import page
 from photonormal.batch.row import PAGE, CaptureRow
 from photonormal.batch.state import Failure
+from photonormal.capture.pictures import natural
 from photonormal.export.folder import MARKER, REPORT, report, whole_folder
 from photonormal.stored import read_json
 from photonormal.types import InputError
@@ -84,7 +84,7 @@ class Summary:
 
     def rows(self) -> list[CaptureRow]:
         """What failed comes first, then in the order of names."""
-        return sorted(self._rows.values(), key=lambda row: (row.state != "failed", numbers_first(row.capture)))
+        return sorted(self._rows.values(), key=lambda row: (row.state != "failed", natural(row.capture)))
 
     def write(self) -> None:
         """Put the summary into the folder of the batch, at once, in place of the one before."""

@@ -177,7 +177,9 @@ BENCHMARKS: dict[str, tuple[Callable[[Path], list[Item]], str]] = {  # name -> h
 def _folders(folder: Path) -> list[Path]:
     if not os.path.isdir(folder):
         return []
-    return sorted((p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")), key=natural)
+    return sorted(
+        (p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")), key=lambda p: natural(p.name)
+    )
 
 
 def _lines(path: Path) -> int:

@@ -177,7 +177,7 @@ def _table(key: tuple[str, str, int], group: list[Scored], known: dict, publishe
     whole = [s for s in group if s.prediction.protocol != "sound"]
     counts = {s.prediction.images for s in whole}
     images = images or (counts.pop() if len(counts) == 1 else 0)
-    names = sorted({s.prediction.object for s in whole}, key=lambda n: natural(Path(n)))
+    names = sorted({s.prediction.object for s in whole}, key=natural)
     has_truth = any(s.score for s in group)
     if not has_truth:
         columns: tuple[Column, ...] = ()

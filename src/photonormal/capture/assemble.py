@@ -231,8 +231,9 @@ def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None
         )
     if choice.ring is not None:
         return Listed(None, [], ring(choice.ring, choice.elevation, choice.start, choice.clockwise))
-    for option, value in (("--elevation", choice.elevation is not None), ("--clockwise", choice.clockwise)):
-        if value:
+    for name in ("elevation", "start", "clockwise"):
+        option = f"--{name}"
+        if getattr(choice, name) != getattr(Choice, name):
             raise InputError(f"{option} came without --ring but it says how lamps stand in one; add how many they are.")
     if choice.lights is not None and choice.lights != UNKNOWN:
         return read_lights(choice.lights, choice.lights_as)

@@ -41,8 +41,8 @@ def read(path: Path, choice: Choice) -> Capture:
                 f"{', '.join(str(k) for k in kinds)}."
             )
         path = kinds[0] if kinds else path
-    direct = sorted(path.glob("*_direct.tif"), key=natural)
-    whole = sorted((p for p in path.glob("*.tif") if p.stem.isdecimal()), key=natural)
+    direct = sorted(path.glob("*_direct.tif"), key=lambda p: natural(p.name))
+    whole = sorted((p for p in path.glob("*.tif") if p.stem.isdecimal()), key=lambda p: natural(p.name))
     mask = folder / "inboundary.png"
     kind = path.name.removeprefix("images_") if path != folder else ""
     return assemble(

@@ -37,7 +37,7 @@ def read(path: Path, choice: Choice) -> Capture:
     if len(mattes) != 1:
         raise InputError(f"{path} has {len(mattes)} mattes but one `*_matte.png` is needed; it is black on the object.")
     matte = decode(mattes[0])
-    paths = sorted((p for p in path.iterdir() if p not in mattes and _numbered(p)), key=natural)
+    paths = sorted((p for p in path.iterdir() if p not in mattes and _numbered(p)), key=lambda p: natural(p.name))
     stage = path.resolve().parent
     lights = -_without_index(stage / "light_directions.txt")
     intensities = positive(_without_index(stage / "light_intensities.txt"), stage / "light_intensities.txt")

@@ -48,7 +48,7 @@ def find_pictures(folder: Path, without: Iterable[Path | None] = (), prefer: str
 
 def photographs(pictures: Iterable[Path]) -> list[Path]:
     """Those of the pictures that are called as photographs are, in natural order."""
-    return sorted((p for p in pictures if not NO_PHOTOGRAPH.search(p.stem)), key=natural)
+    return sorted((p for p in pictures if not NO_PHOTOGRAPH.search(p.stem)), key=lambda p: natural(p.name))
 
 
 def unnamed(pictures: Iterable[Path], named: Iterable[Path | None]) -> list[str]:
@@ -133,6 +133,12 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
             f"{some} {'is' if len(odd) == 1 else 'are'} named unlike the others: name such pictures with --dark, "
             "--flat or --mask, move them elsewhere, or leave them out with --images"
         )
+    elif 0 < len(gaps := _gaps(pictures)) <= count - n:
+        some = ", ".join(gaps[:5]) + (f" and {len(gaps) - 5} more" if len(gaps) > 5 else "")
+        hint = (
+            f"between {names[0]} and {names[-1]} {some} {'is' if len(gaps) == 1 else 'are'} missing: restore it, or "
+            "give with --lights a file that has one for each picture, or names the pictures"
+        )
     elif 3 * n == count:
         hint = "if each photograph shows three lights, one in red, one in green and one in blue, add --rgb-lights"
     else:
@@ -145,6 +151,25 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
                 "that has one for each picture, or names the pictures"
             )
     return InputError(f"{name} has {n} pictures but {count} light directions{source}; {hint}.")
+
+
+def _gaps(pictures: Sequence[Picture]) -> list[str]:
+    """Names that are missing among files that are called alike but for one number, and lie nowhere beside them."""
+    if not all(isinstance(p, Path) for p in pictures):
+        return []
+    folder, parts = files_of(pictures[0])[0].parent, [re.split(r"([0-9]+)", picture_name(p)) for p in pictures]
+    if len({len(part) for part in parts}) > 1:
+        return []
+    vary = [k for k, tokens in enumerate(zip(*parts, strict=True)) if len(set(tokens)) > 1]
+    if len(vary) != 1 or vary[0] % 2 == 0:
+        return []
+    first, at = parts[0], vary[0]
+    there, width = {int(part[at]) for part in parts}, min(len(part[at]) for part in parts)
+    if max(there) - min(there) >= 2 * len(there):
+        return []
+    absent = (f"{k:0{width}d}" for k in range(min(there), max(there)) if k not in there)
+    named = ["".join([*first[:at], number, *first[at + 1 :]]) for number in absent]
+    return [name for name in named if not os.path.lexists(folder / name)]
 
 
 def _named_unlike_the_others(names: Sequence[str]) -> list[str]:
@@ -194,10 +219,10 @@ def parse_images(text: str, n: int, option: str = "--images") -> list[int]:
     return chosen
 
 
-def natural(path: Path) -> tuple[list[tuple[int, str]], str]:
-    """Sorting key that puts image 10 after image 9."""
-    tokens = [t for t in re.split(r"([0-9]+)", path.name.lower()) if t]
-    return [(int(t), "") if t[0] in "0123456789" else (-1, t) for t in tokens], path.name
+def natural(name: str) -> tuple[list[tuple[bool, int, str]], str]:
+    """Sorting key of names that puts image 10 after image 9, and numbers before words, whatever letters' case."""
+    tokens = [t for t in re.split(r"([0-9]+)", name.lower()) if t]
+    return [(False, int(t), "") if t[0] in "0123456789" else (True, 0, t) for t in tokens], name
 
 
 def find_mask(folder: Path) -> Path | None:

@@ -12,7 +12,8 @@ from photonormal.doctor.samples import Samples
 from photonormal.types import Capture
 
 SATURATED = 0.05  # of a picture's samples
-BLACK = 0.05  # level of a picture, as part of the median of all, below which its lamp was off
+BLACK = 0.05  # level of a picture, as part of that of a bright one, below which its lamp was off
+BRIGHT = 0.75  # quantile of all pictures' levels that is a bright one's: most lamps may have been off
 CLIPPED = 0.125  # of all samples at zero
 MOSTLY, ZERO = 2 / 3, 0.25  # of the pictures in which a pixel is black, and of such pixels: facing away is no fault
 DIM = 0.04  # median level, as part of full scale, below which 8 bits quantise by more than five per cent
@@ -40,7 +41,7 @@ def saturation(samples: Samples, capture: Capture) -> list[Finding]:
 def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]:
     """Pictures without light, and objects that most pictures leave black, by grey levels of the object."""
     found = []
-    black = np.flatnonzero(I.mean(0) < BLACK * np.median(I.mean(0)))
+    black = np.flatnonzero(I.mean(0) < BLACK * np.quantile(I.mean(0), BRIGHT))
     if black.size:
         off = [names[j] for j in black.tolist()]
         found.append(

@@ -179,8 +179,8 @@ def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] 
         what = ["z of the lights is flipped (the normals point away from the camera)", *what]
     numbers = verdict.numbers | {"frame": ", and ".join(what), "half_turn_told": verdict.half}
     known = next((name for name in FRAMES if np.allclose(from_frame(np.eye(3), name), M)), None)
-    other = f"--frame {known} in place of opengl" if verdict.half and known else "--frame"
-    todo = f"x is right, y up and z to the camera here; correct the lights' file or the ring's --start, or use {other}."
+    other = f"where no --frame was given, add --frame {known}" if verdict.half and known else "give another --frame"
+    todo = f"x is right, y up and z to the camera here; correct the lights' file or the ring's --start, or {other}."
     if not verdict.half:
         todo += (
             " Whether x and y have to change sign as well the shading doesn't tell, since a flat relief looks the same "

@@ -17,6 +17,7 @@ from photonormal.calibration.sphere import Projection, Sphere, look_at_spheres
 from photonormal.capture.images import ImageFiles, files_of, read_mask
 from photonormal.capture.pictures import find_mask, find_pictures, parse_images
 from photonormal.disk import at_once, refuse_taken
+from photonormal.doctor.finding import counted
 from photonormal.geometry import angle_deg, in_frame
 from photonormal.options import Coordinate, Positive, check_value
 from photonormal.progress import progress
@@ -25,6 +26,7 @@ from photonormal.rig.pictures import brightest_of, numbered_pictures, pictures_f
 from photonormal.types import InputError
 
 AUTO = "AUTO"  # the spheres are in the object's own photographs
+APART_DEG = 10.0  # of a sphere's light from the mean of all spheres': a lamp three widths away differs by as much
 
 
 @by_one_thread()
@@ -69,9 +71,20 @@ def calibrate(
             f"the spheres come from {len(spheres)} folders but their places in one frame are needed for the "
             "lights' positions; photograph them together and give --count, or leave --radius-mm out."
         )
-    files = _files(out, positions=radius_mm is not None and count > 1)
+    if radius_mm is not None and count < 2:
+        raise InputError(
+            f"--radius-mm {radius_mm:g} came for one sphere but the lights' positions need two or more in one frame: "
+            "give --count, or leave --radius-mm out."
+        )
+    files = _files(out, positions=radius_mm is not None)
     refused = out.with_name(f"{out.stem}_refused.png")
     given = [_circle(c) for c in circles]
+    every = len(spheres) * count
+    if len(given) not in (0, every):
+        raise InputError(
+            f"{counted(len(given), 'circle', 'circles')} came for {counted(every, 'sphere', 'spheres')}; "
+            "give one for each, and how many a photograph shows with --count, or no circle."
+        )
     refuse_taken(files.values(), overwrite)
     from photonormal.calibration.picture import drawn, in_one_row
     from photonormal.export import lights as text
@@ -90,10 +103,6 @@ def calibrate(
     for k, place in enumerate(spheres):
         path = Path(folder) if str(place) == AUTO else Path(place)
         share = given[k * count : (k + 1) * count]
-        if share and len(share) < count:
-            raise InputError(
-                f"{len(given)} circles came for {len(spheres) * count} spheres; give one for each, or none."
-            )
         with progress(f"spheres in {path.name}"):
             images = _images(path, names, kept)
             try:
@@ -110,6 +119,7 @@ def calibrate(
     names = [name for name, there in zip(names, shown, strict=True) if there]
     found = [s.of(shown) for s in found]
     L = mean_directions([s.L for s in found])  # (n, 3)
+    warnings += _disagreement(found, L, names)
     tables = {"table": in_frame(L, frame)}
     content: dict[str, Any] = {
         "photonormal": photonormal.__version__,
@@ -137,6 +147,19 @@ def calibrate(
         if refused.is_file():
             batch.remove.append(refused.name)
     return content | {"files": [str(p) for p in files.values()]}
+
+
+def _disagreement(found: Sequence[Sphere], L: np.ndarray, names: Sequence[str]) -> list[str]:
+    """What to say where spheres see a light in other directions than their mean L (n, 3)."""
+    off = np.max([angle_deg(s.L, L) for s in found], axis=0)  # (n,)
+    if not (off > APART_DEG).any():
+        return []
+    j, several = int(off.argmax()), int((off > APART_DEG).sum())
+    return [
+        f"the spheres disagree about {several} of {len(names)} lights: that of {names[j]} differs by {off[j]:.0f} "
+        "degrees from the mean, which was taken. A circle is off, a folder's pictures are in another order, or lamps "
+        "are near; of spheres in one frame --radius-mm finds where they are."
+    ]
 
 
 def _files(out: Path, positions: bool) -> dict[str, Path]:

@@ -58,11 +58,11 @@ def test_a_list_has_options_of_its_own(place, tmp_path):
 def test_a_list_is_read_as_spreadsheets_write_it(place, tmp_path):
     text = "Capture; Name ;Sphere\r\n1/front;K\xf6nig;balls\r\n;;\r\n2/front;;\r\n;;\r\n"
     (tmp_path / "season" / "list.csv").write_bytes(text.encode("latin-1"))
-    one, two = found("season/list.csv")
+    two, one = found("season/list.csv")
     assert one.name == "K\xf6nig" and one.job.sphere == str(tmp_path / "season" / "balls")
     assert two.name == "front" and two.job.sphere == ""
     (tmp_path / "season" / "1" / "front" / "balls").mkdir()  # the capture's own comes first
-    assert found("season/list.csv")[0].job.sphere == str(tmp_path / "season" / "1" / "front" / "balls")
+    assert found("season/list.csv")[1].job.sphere == str(tmp_path / "season" / "1" / "front" / "balls")
 
 
 def test_what_a_list_says_of_a_capture_holds_beside_a_pattern(place, tmp_path):

@@ -134,7 +134,9 @@ def test_results_of_other_options_are_refused(season, tmp_path, here, batch):
     before = times(results)
     code, out, err = batch("--normals-frame", "directx")
     assert code == 2 and out == "" and err.count("\n") == 1
-    assert "normals-frame opengl, not directx" in err and "--overwrite" in err and times(results) == before
+    assert (
+        "(normals-frame opengl, not directx), and 2 more" in err and "--overwrite" in err and times(results) == before
+    )
     assert "3 measured" in batch("--normals-frame", "directx", "--overwrite")[1]
     assert "0 measured, 3 were done" in batch("--normals-frame", "directx", "--memory", "3GB", "--device", "cpu")[1]
 
@@ -261,6 +263,13 @@ def test_the_summary_tells_what_another_batch_has_measured_since(season, tmp_pat
 
     monkeypatch.setattr(workers, "work_through", run)
     assert batch()[0] == 0 and rows(tmp_path / "results")["of another"]["state"] == "done"
+
+
+def test_what_failed_in_another_run_is_told_as_such(season, tmp_path, here, batch):
+    assert batch(captures=[season])[0] == 1  # which holds captures, and is none
+    assert batch()[0] == 0
+    told = rows(tmp_path / "results")["season"]["failure"]
+    assert told.endswith(f"It was named in another run: remove {tmp_path / 'results' / 'season'} if it is no capture.")
 
 
 def test_the_parquet_table_is_the_csv_table(season, tmp_path, here, batch):

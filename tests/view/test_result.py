@@ -103,7 +103,7 @@ def test_lengths_are_told_in_mm(result):
     ("spoil", "says"),
     [
         (lambda f: shutil.rmtree(f), "is no folder"),
-        (lambda f: (f / "normals.npz").unlink(), "holds no report.json and normals.npz"),
+        (lambda f: (f / "normals.npz").unlink(), "holds no normals.npz; give a folder"),
         (lambda f: (f / "report.json").write_text('{"capture": "b'), "report.json can't be read"),
         (lambda f: (f / "report.json").write_text("[1]"), "report.json can't be read"),
         (lambda f: _cut(f / "normals.npz"), "normals.npz can't be read"),
@@ -124,7 +124,7 @@ def test_a_result_that_is_none_is_refused_in_one_line(copy, run, tmp_path, spoil
 
 
 def test_of_a_folder_of_results_one_is_named(result, run):
-    code, _, err = run("export", result.parent, "--relit", "45,30", "--out", result.parent / "p.png")
+    code, _, err = run("export", result.parent, "--page", result.parent / "p.html")
     assert code == 2 and f"a result in it, such as {result.parent}" in err and len(err.splitlines()) == 1
 
 

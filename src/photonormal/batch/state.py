@@ -88,9 +88,9 @@ def _difference(job: Job, before: Provenance, names: Callable[[Path], set[str]] 
     was, now = before["asked"], job.asked()
     for key in sorted(was.keys() | now.keys()):
         if was.get(key) != now.get(key):
-            return CaptureState(
-                "options", f"{key.replace('_', '-')} {was.get(key, 'not given')}, not {now.get(key, 'none')}"
-            )
+            option = key.replace("_", "-")
+            told = f"{option} {was[key]}" if key in was else f"without {option}"
+            return CaptureState("options", f"{told}, not {now[key]}" if key in now else f"{told}, which is not given")
     what = changed(place_of(job.capture), before["inputs"], names)
     return CaptureState("stale", what) if what else None
 

@@ -6,7 +6,7 @@ import csv
 import io
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
@@ -77,6 +77,9 @@ class Summary:
         for name in reports:
             if name not in self._names and not any(part.startswith(".") for part in Path(name).parts):
                 self.read(name)
+                if (told := self._rows[name]).failure:
+                    which = f"{told.failure} It was named in another run: remove {self.out / name} if it is no capture."
+                    self._rows[name] = replace(told, failure=which)
 
     def read(self, name: str) -> None:
         """Look again what is told of a capture."""

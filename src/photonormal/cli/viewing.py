@@ -37,10 +37,10 @@ class View:
 
 @dataclass(frozen=True)
 class Export:
-    """A result for others: as an HTML file (--page), for other programs (--to), or relit (--relit, --sweep)."""
+    """Results for others: as an HTML file (--page), for other programs (--to), or relit (--relit, --sweep)."""
 
-    result: Positional[Path]
-    """Folder that `measure` wrote."""
+    results: Positional[Annotated[tuple[Path, ...], shown("RESULT")]]
+    """Folder that `measure` wrote; or several, or that of a batch, each of whose results comes into --out."""
     page: File = None
     """HTML file to write, to relight, turn and measure the result without server or network."""
     to: Annotated[str, shown("FORMAT")] = ""
@@ -49,7 +49,8 @@ class Export:
     Relightable folders for the web: relight, relight-hsh (RelightLab's); with a page: openlime, openlime-hsh.
     For 3D programs: gltf (.glb: mesh, colour, normal map, occlusion); maps (a folder of pictures for materials)."""
     out: FileOrFolder = None
-    """File or folder to write, where it is no page."""
+    """File or folder to write, where it is no page; of several results the folder that a file or folder of each one's
+    name comes into."""
     relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
     """Write a picture (.png, .jpg) under a light from there in degrees: 0,30 is from the right, 90,30 from above."""
     sweep: bool = False
@@ -82,52 +83,77 @@ class Export:
                 "give --page FILE.html, or --to FORMAT, --relit AZIMUTH,ELEVATION or --sweep with --out FILE; one of "
                 "them is needed."
             )
+        for given, option, taken, by in (
+            (self.tile, "--tile", self.to == "maps", "--to maps"),
+            (self.program != "blender", "--program", self.to == "maps", "--to maps"),
+            (self.exr, "--exr", self.to == "maps", "--to maps"),
+            (self.texture != Export.texture, "--texture", self.to == "gltf", "--to gltf"),
+            (self.webp, "--webp", self.to.startswith("openlime"), "--to openlime"),
+            (self.by != Export.by, "--by", relit, "--relit or --sweep"),
+        ):
+            if given and not taken:
+                raise InputError(f"{option} came without {by}, which alone takes it; leave it out.")
+        from photonormal.files.memory import allow
+        from photonormal.view.result import is_result
+
+        allow(self.memory)
+        if len(self.results) != 1 or (self.out is not None and self.capture is None and not is_result(self.results[0])):
+            return self._several()
         if self.out is not None:
-            print(self._handed_on(self.out))
+            print(self._handed_on(self.results[0], self.out))
             return 0
         from photonormal.view import export_page
 
         assert self.page is not None
-        path, reduced = export_page(self.result, self.page, self.capture, self.mm_per_px, self.overwrite)
+        path, reduced = export_page(self.results[0], self.page, self.capture, self.mm_per_px, self.overwrite)
         print(path)
         if reduced > 1:
             print(f"The result is larger than 6 megapixels: the file holds it at 1/{reduced} of its size.")
         return 0
 
-    def _handed_on(self, out: Path) -> Path:
-        from photonormal.files.memory import allow
+    def _several(self) -> int:
+        """Each result by itself: what can't be written of one is told, and the others go on."""
+        from photonormal.handover.many import ending_of, results_in
 
-        for given, option, formats in (
-            (self.tile, "--tile", ("maps",)),
-            (self.program != "blender", "--program", ("maps",)),
-            (self.exr, "--exr", ("maps",)),
-            (self.texture != Export.texture, "--texture", ("gltf",)),
-            (self.webp, "--webp", ("openlime", "openlime-hsh")),
-        ):
-            if given and self.to not in formats:
-                raise InputError(f"{option} came without --to {formats[0]}, which alone takes it; leave it out.")
-        allow(self.memory)
+        if self.out is None or self.capture is not None:
+            option, which = ("--page", "page") if self.out is None else ("--capture", "folder of photographs")
+            raise InputError(
+                f"{len(self.results)} folders came but a {which} is one result's; give {option} with that."
+            )
+        found, failed = results_in(self.results), 0
+        ending = ending_of(self.to, self.sweep, self.out)
+        if found.without:
+            tell(f"left out, since they have no result: {', '.join(found.without)}")
+        for name, result in found.results.items():
+            try:
+                print(self._handed_on(result, self.out / f"{name}{ending}"), flush=True)
+            except InputError as error:
+                failed += 1
+                tell(f"{name}: {error}")
+        return 1 if failed else 0
+
+    def _handed_on(self, result: Path, out: Path) -> Path:
         if self.to == "gltf":
             from photonormal.handover.gltf import export_gltf
 
-            path, reduced = export_gltf(self.result, out, self.mm_per_px, self.overwrite, texture=self.texture)
+            path, reduced = export_gltf(result, out, self.mm_per_px, self.overwrite, texture=self.texture)
             if reduced > 1:
                 tell(f"The pictures are reduced to {self.texture} pixels, 1/{reduced:.2g} of the result's size.")
             return path
         if self.to == "maps":
             from photonormal.handover.maps import export_maps
 
-            path = export_maps(self.result, out, self.program, self.tile, self.mm_per_px, self.overwrite, self.exr)
-            if not (self.result / "roughness.png").is_file():
+            path = export_maps(result, out, self.program, self.tile, self.mm_per_px, self.overwrite, self.exr)
+            if not (result / "roughness.png").is_file():
                 tell("the result has no roughness and no metalness; `photonormal measure --materials` finds them.")
             return path
         if self.to:
             from photonormal.handover.relightable import export_relighting
 
-            path = export_relighting(self.result, self.to, out, self.capture, self.overwrite, self.webp)
+            path = export_relighting(result, self.to, out, self.capture, self.overwrite, self.webp)
             if self.to.startswith("openlime"):
                 tell(f"Browsers open it from a web server alone, such as: python -m http.server --directory {path}")
             return path
         from photonormal.handover.relit import export_relit
 
-        return export_relit(self.result, out, self.relit, self.sweep, self.by, self.capture, self.overwrite)
+        return export_relit(result, out, self.relit, self.sweep, self.by, self.capture, self.overwrite)

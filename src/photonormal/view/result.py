@@ -210,9 +210,8 @@ def report_of(folder: Path) -> StoredReport:
     if not is_result(folder):
         inside = [p.name for p in sorted(folder.iterdir()) if p.is_dir() and is_result(p)]
         which = f"a result in it, such as {folder / inside[0]}" if inside else ""
-        raise InputError(
-            f"{folder} holds no {REPORT} and normals.npz; give {which or 'a folder that `photonormal measure` wrote'}."
-        )
+        lacks = " and ".join(name for name in (REPORT, "normals.npz") if not (folder / name).is_file())
+        raise InputError(f"{folder} holds no {lacks}; give {which or 'a folder that `photonormal measure` wrote'}.")
     return read_json(folder / REPORT, StoredReport, AGAIN)
 
 

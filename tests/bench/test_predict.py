@@ -181,6 +181,17 @@ def test_one_method_enters_twice_under_two_names(root, tmp_path):
     assert config["method"] == "trimmed" and config["options"]["highest"] == 1.0
 
 
+def test_objects_may_be_called_as_our_own_files_are(root, tmp_path, run):
+    for name in ("config", "scores", "a|b$c"):
+        shutil.copytree(root / "pmsData" / "ballPNG", tmp_path / "set" / name)
+    words = ("bench", "captures", tmp_path / "set", "--methods", "woodham", "--out", tmp_path / "runs")
+    assert run(*words)[0] == 0 and "0 predictions stored" in run(*words)[1]
+    for _ in range(2):  # errors are kept, too
+        code, out, _ = run("table", tmp_path / "runs")
+        assert code == 0 and "| method | a\\|b$c | config | scores | average of 3 |" in out
+    assert r"method & a$|$b\$c & config & scores & average of 3 \\" in run("table", tmp_path / "runs", "--latex")[1]
+
+
 def test_too_few_images_are_named(root, tmp_path, run):
     code, _, err = run("bench", "diligent", root, "--methods", "woodham", "--images", "20", "--out", tmp_path / "runs")
     assert code == 1 and "ball has 12 images but 20" in err and "bear" not in err

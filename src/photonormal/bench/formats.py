@@ -172,8 +172,12 @@ def _plain(table: ErrorTable) -> dict:
 
 
 def _markdown_table(head: list[str], rows: list[list[str]]) -> str:
-    lines = [head, ["---", *["---:"] * (len(head) - 1)], *rows]
+    lines = [[_markdown_text(h) for h in head], ["---", *["---:"] * (len(head) - 1)], *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines) + "\n"
+
+
+def _markdown_text(text: str) -> str:
+    return text.replace("|", "\\|")
 
 
 def _latex_table(head: list[str], rows: list[list[str]]) -> str:
@@ -185,16 +189,19 @@ def _latex_table(head: list[str], rows: list[list[str]]) -> str:
 
 
 def _latex_text(text: str) -> str:
-    for a, b in (("\\", r"\textbackslash "), ("&", r"\&"), ("%", r"\%"), ("_", r"\_"), ("#", r"\#"), ("<", "$<$")):
-        text = text.replace(a, b)
-    return text.replace("±", r"$\pm$").replace("†", r"$\dagger$")
+    return text.translate(LATEX_TEXT)
 
 
+LATEX_TEXT = str.maketrans(
+    {c: f"\\{c}" for c in "&%_#${}"}
+    | {"\\": r"\textbackslash{}", "^": r"\textasciicircum{}", "~": r"\textasciitilde{}"}
+    | {"<": "$<$", ">": "$>$", "|": "$|$", "±": r"$\pm$", "†": r"$\dagger$"}
+)
 MARKDOWN = Markup(
     bold="**{}**".format,
     underlined="<u>{}</u>".format,
     small="<sub>{}</sub>".format,
-    text=lambda t: t.replace("|", "\\|"),
+    text=_markdown_text,
     pm="±",
     table=_markdown_table,
     title="## {}\n".format,

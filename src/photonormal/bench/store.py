@@ -117,7 +117,8 @@ class Truth:
 
 def prediction_path(out: Path, label: str, dataset: str, name: str, selection: str = "") -> Path:
     """Where a prediction lies."""
-    return out / label / dataset / (f"{name}@{selection}.npz" if selection else f"{name}.npz")
+    own = f"{name}.json" in (CONFIG, SCORES)  # an object's record would be called as ours are
+    return out / label / dataset / (f"{name}@{selection}.npz" if selection or own else f"{name}.npz")
 
 
 def truth_path(out: Path, dataset: str, name: str) -> Path:

@@ -7,7 +7,7 @@ const relief = {
       gl = glOf(canvas);
     if (!gl) return false;
     this.surface = new Surface(gl);
-    gl.clearColor(1, 1, 1, 1);
+    gl.clearColor(0.85, 0.87, 0.89, 1); // a lit surface is white
     canvas.addEventListener("pointerdown", (e) => canvas.setPointerCapture(e.pointerId));
     canvas.addEventListener("pointermove", (e) => {
       if (e.buttons) this.turn(e.movementX / 120, e.movementY / 120);

@@ -121,7 +121,7 @@ def measure(
     if albedo and lit.lights is not None:
         from photonormal.methods.albedo import lambertian_albedo
 
-        with _stage("albedo", seconds), progress("albedo"):
+        with _stage("albedo", seconds):
             rho = lambertian_albedo(lit, normals)
         hand_back()
     if rho is not None and surface is not None:
@@ -214,7 +214,7 @@ def _solved(
     if expected_error and lit.lights is not None:
         from photonormal.methods.expected import with_expected_error
 
-        with _stage("expected error", seconds), progress("expected errors"):
+        with _stage("expected error", seconds):
             lit = seen_as_distant(lit, normals)
             normals = with_expected_error(normals, told_deg, lit, solver, where)
     return _Solved(normals, lit, told, computed_in)

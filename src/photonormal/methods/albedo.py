@@ -10,6 +10,7 @@ from photonormal.masked import box_of, row_bands, taken
 from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.inputs.workers import side_by_side
+from photonormal.progress import progress
 from photonormal.shading import cosines
 from photonormal.types import Capture, Normals
 
@@ -29,13 +30,15 @@ def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "
     columns = box_of(capture.mask)[1]
     albedo = np.zeros(normals.map.shape, np.float32)
     first = 0
-    for rows in row_bands(capture.mask, plan.pixels(capture) // 2):  # all channels are held, twice
-        on = normals.mask[rows, columns]
-        N = normals.map[rows, columns][on]  # (p, 3)
-        count = int(capture.mask[rows, columns].sum())
-        here = first + np.flatnonzero(solved[first : first + count])
-        first += count
-        albedo[rows, columns][on] = _albedo(capture, N, here, (rows, columns), on)
+    with progress("albedo", len(solved)) as advance:
+        for rows in row_bands(capture.mask, plan.pixels(capture) // 2):  # all channels are held, twice
+            on = normals.mask[rows, columns]
+            N = normals.map[rows, columns][on]  # (p, 3)
+            count = int(capture.mask[rows, columns].sum())
+            here = first + np.flatnonzero(solved[first : first + count])
+            first += count
+            albedo[rows, columns][on] = _albedo(capture, N, here, (rows, columns), on)
+            advance(count)
     return albedo
 
 

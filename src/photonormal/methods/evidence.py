@@ -23,6 +23,7 @@ from photonormal.methods.engine.samples import Band, all_lights, bands, lights_a
 from photonormal.methods.inputs.blocks import blocks
 from photonormal.methods.inputs.grey import ascending
 from photonormal.methods.inputs.workers import side_by_side
+from photonormal.progress import progress
 from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.types import Capture, Normals
 
@@ -84,9 +85,11 @@ def evidence_of(
         return torch.stack(found, dim=1), unexplained
 
     parts = []
-    for band in bands(capture, L, some=some):
-        band.levels.cut_(band.I)
-        parts += side_by_side(partial(told, band), blocks(len(band.I), band.I.shape[1], device), device)
+    with progress("expected errors", len(N)) as advance:
+        for band in bands(capture, L, some=some):
+            band.levels.cut_(band.I)
+            parts += side_by_side(partial(told, band), blocks(len(band.I), band.I.shape[1], device), device)
+            advance(len(band.I))
     F = torch.nan_to_num(torch.cat([found for found, _ in parts]))
     column = {name: F[:, i] for i, name in enumerate(EVIDENCE)}
     bright = np.quantile(column["level"].cpu().numpy(), 0.9)

@@ -292,6 +292,14 @@ def one_brighter(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     return I * np.where(np.arange(len(I)) == g.integers(len(I)), 1.6, 1)[:, None, None, None]
 
 
+def one_twice(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
+    """One picture under the light of another, of up to a fifth more or less, with noise of its own."""
+    i, j = g.permutation(len(I))[:2]
+    shown = I[i] + 0.004 * np.sqrt(0.1 + 0.9 * I[i].clip(0)) * g.standard_normal(I[i].shape)
+    I[j] = g.uniform(0.8, 1.2) * shown.clip(0)
+    return I
+
+
 def encoded(I: np.ndarray, g: np.random.Generator) -> np.ndarray:
     """As sRGB."""
     return np.where(I <= 0.0031308, 12.92 * I, 1.055 * I ** (1 / 2.4) - 0.055)
@@ -311,6 +319,7 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
     "order random": (with_lights(lambda L, g: g.permutation(L)), {"order"}),
     "halfway": (with_lights(lambda L, g: normalised(L + np.array([0, 0, 1]))), {"halfway"}),
     "one light x 1.6": (with_pictures(one_brighter), {"intensities"}),
+    "one light twice": (with_pictures(one_twice), {"repeated"}),
     "one moved": (with_pictures(one_moved), {"motion"}),
     "half moved": (with_pictures(half_moved), {"motion"}),
     "a third turned": (with_pictures(half_turned), {"turned"}),
@@ -325,6 +334,7 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
 JUDGED = {
     "order",
     "frame",
+    "repeated",
     "intensities",
     "ambient",
     "encoding",

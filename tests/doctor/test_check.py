@@ -141,6 +141,15 @@ def test_lamps_that_were_off_are_named_be_they_most_of_them(right, off):
     assert found.grave and found.numbers["pictures"] == [f"IMG_{j + 1}.png" for j in off]
 
 
+@pytest.mark.parametrize("factor", [1.0, 1.25])
+def test_a_lamp_that_fired_twice_is_told_and_which_picture_lacks_its_own(right, factor):
+    images = np.array(right.images)
+    images[6] = factor * noisy(lambertian(bumps(), LIGHTS[2:]), seed=3).images[0]
+    (found,) = findings_of(replace(right, images=images))
+    assert found.kind == "repeated" and found.grave and found.numbers["pairs"] == [["IMG_3.png", "IMG_7.png"]]
+    assert "(IMG_7.png fits its own worse)" in found.message
+
+
 @pytest.mark.parametrize("factor", [1.5, 1.15, 0.85])
 def test_a_light_of_another_intensity_is_named_with_its_factor(right, factor):
     images = np.array(right.images)

@@ -14,11 +14,22 @@ def findings_of(capture: Capture) -> list[Finding]:
     """Everything that may spoil the normals of a capture, grave findings first; an empty list where nothing was found.
 
     What was assumed on reading, saturation, darkness, bits and encoding, coverage by the lights, lamps' positions,
-    lights in another order or frame, intensities, ambient light, and pictures that are turned or shifted. Tests that
-    need light directions are left out where they are unknown, or where pictures are turned. Where lamps are near,
-    pictures are first made what distant ones would give, for a plane at the object's mean depth.
+    lights in another order or frame, pictures of the same light, intensities, ambient light, and pictures that are
+    turned or shifted. Tests that need light directions are left out where they are unknown, or where pictures are
+    turned. Where lamps are near, pictures are first made what distant ones would give, for a plane at the object's mean
+    depth.
     """
-    from photonormal.doctor import coverage, explanations, exposure, lights, motion, positions, samples, turned
+    from photonormal.doctor import (
+        coverage,
+        explanations,
+        exposure,
+        lights,
+        motion,
+        positions,
+        repeated,
+        samples,
+        turned,
+    )
     from photonormal.doctor.given import Distant, Near
     from photonormal.srgb import from_linear, to_linear
     from photonormal.types import as_capture
@@ -56,6 +67,7 @@ def findings_of(capture: Capture) -> list[Finding]:
             wrong, given = lights.disagreement(given, mask, names)
             found += [*wrong, *other]
             if not other and not cut:  # which change brightnesses by themselves
-                found += lights.intensities(given, mask, names)
+                again = [] if wrong else repeated.repeated(given, mask, names)
+                found += again or lights.intensities(given, mask, names)
     found += motion.motion(s.small, s.scale, names)
     return sorted(found, key=lambda f: not f.grave)

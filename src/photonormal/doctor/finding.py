@@ -14,8 +14,8 @@ class Finding:
 
     Parameters
     ----------
-    kind : reading, saturation, darkness, bits, encoding, coverage, positions, order, frame, intensities, motion,
-        turned, ambient, near, halfway, contrast, mask, or lights (found from the photographs)
+    kind : reading, saturation, darkness, bits, encoding, coverage, positions, order, frame, repeated, intensities,
+        motion, turned, ambient, near, halfway, contrast, mask, or lights (found from the photographs)
     grave : it spoils the normals; otherwise it limits how good they can get
     message : what was found and what to do, one line
     numbers : the figures behind it

@@ -1,0 +1,55 @@
+"""Pictures that show the same light though theirs are given far apart: a lamp that fired twice, or one that did not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from photonormal.doctor.finding import Finding
+from photonormal.doctor.given import Given
+from photonormal.doctor.misfit import MisfitPixels
+from photonormal.geometry import angle_deg
+
+APART_DEG = 10.0  # between given lights, below which pictures are alike anyway
+TELLS = 0.03  # sine of the angle between two pictures from which on the object tells two lights apart
+ALIKE = 0.2  # and of it, as the given lights have it, that is left of pictures under one light: 0.5 of right ones
+AS_ALIKE = 1.5  # times as unlike as the most alike ones
+MOST = 3  # pairs in a message
+
+
+def repeated(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) -> list[Finding]:
+    """Pictures that are equal up to a factor, where a matt surface under the given lights would make them differ."""
+    L, pixels, raw = given.directions(), MisfitPixels.of(given.seen(), mask), MisfitPixels.of(given.levels, mask)
+    if pixels is None or raw is None:
+        return []
+    shaded = (pixels.fit(L)[0] @ L.T).clip(0)  # (p, n)
+    expected, shown = unlike(shaded, shaded), unlike(raw.I, raw.I)
+    apart = angle_deg(L[:, None], L[None])
+    nearest = np.where(np.eye(len(L), dtype=bool), np.inf, shown).min(0)  # (n,)
+    same = (apart > APART_DEG) & (expected > TELLS) & (shown < ALIKE * expected)
+    same &= shown <= AS_ALIKE * np.minimum(nearest, nearest[:, None])  # not those beside one of the two
+    same = np.triu(same, 1)
+    pairs = np.argwhere(same)
+    if not len(pairs):
+        return []
+    off = np.diag(unlike(pixels.I, shaded))  # of each picture, from what its own light makes
+    pairs = pairs[np.argsort((shown / expected.clip(1e-9))[same])].tolist()
+    said = [
+        f"{names[i]} and {names[j]}, whose lights are {apart[i, j]:.0f} degrees apart "
+        f"({names[i if off[i] > off[j] else j]} fits its own worse)"
+        for i, j in pairs
+    ]
+    more = f", and {len(said) - MOST} more pairs" if len(said) > MOST else ""
+    message = (
+        f"pictures show the same light, since they are equal but for their brightness: {', '.join(said[:MOST])}{more}. "
+        "A lamp fired twice, or did not; choose the other pictures with --images, or photograph these again."
+    )
+    return [Finding("repeated", True, message, {"pairs": [[names[i], names[j]] for i, j in pairs]})]
+
+
+def unlike(A: Float[np.ndarray, "p n"], B: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "n n"]:
+    """Sines of the angles between pictures of A and of B: 0 where two are equal up to a factor."""
+    A, B = (M / np.linalg.norm(M, axis=0).clip(1e-12) for M in (A, B))
+    return np.sqrt((1 - (A.T @ B) ** 2).clip(0))

@@ -68,6 +68,27 @@ def test_what_is_for_one_result_alone_is_refused(batch, tmp_path, monkeypatch, c
     assert "would both be called vase 1" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--relit", "45,30", "--by", "matt", "--out", "albedo.png"),
+        ("--relit", "45,30", "--out", "preview.png"),
+        ("--page", "view.html"),
+    ],
+)
+def test_a_result_is_not_written_over(measured, tmp_path, capsys, words):
+    result = shutil.copytree(measured / "r", tmp_path / "r")
+    (result / "view.html").write_text("as a batch writes it")
+    report = json.loads((result / "report.json").read_text())
+    report["files"]["view.html"] = (result / "view.html").stat().st_size
+    (result / "report.json").write_text(json.dumps(report))
+    before = {p.name: p.read_bytes() for p in result.iterdir()}
+    assert export(result, *words[:-1], result / words[-1], "--overwrite") == 2
+    assert "is read here and is not written over" in capsys.readouterr().err
+    assert {p.name: p.read_bytes() for p in result.iterdir()} == before
+    assert export(result, "--relit", "45,30", "--out", result / "lit.png") == 0  # beside them it may lie
+
+
 def test_options_without_effect_are_refused(refused, tmp_path):
     refused("--page", tmp_path / "p.html", "--exr", says="--exr came without --to maps")
     refused("--to", "ptm", "--out", tmp_path / "x.ptm", "--by", "matt", says="--by came without --relit or --sweep")

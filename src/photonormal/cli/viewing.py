@@ -121,7 +121,7 @@ class Export:
                 f"{len(self.results)} folders came but a {which} is one result's; give {option} with that."
             )
         found, failed = results_in(self.results), 0
-        ending = ending_of(self.to, self.sweep, self.out)
+        ending = ending_of(self.to, self.sweep, self.out, found.results)
         if found.without:
             tell(f"left out, since they have no result: {', '.join(found.without)}")
         for name, result in found.results.items():

@@ -128,5 +128,10 @@ def listed_files(out: Path) -> list[str] | None:
     return [REPORT, *(n for n, size in files.items() if n in NAMES and n != REPORT and _size(out / n) == size)]
 
 
+def result_files(folder: Path) -> list[Path]:
+    """The files of the result in a folder, which nothing else is written over; none where there is no result."""
+    return [folder / name for name in listed_files(folder) or []]
+
+
 def _size(path: Path) -> int | None:
     return path.stat().st_size if path.is_file() and not path.is_symlink() else None

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.disk import at_once
+from photonormal.export.folder import result_files
 from photonormal.export.mesh import FACES, display, faces, positions, scale_of, step_for
 from photonormal.files.memory import scratch_folder
 from photonormal.geometry import normalised
@@ -59,7 +60,7 @@ def export_gltf(
     """
     if not SMALLEST <= texture <= LARGEST:
         raise InputError(f"--texture {texture} came but {SMALLEST} to {LARGEST} pixels are needed; choose so many.")
-    refuse("gltf", out, overwrite)
+    refuse("gltf", out, overwrite, result_files(result))
     with (
         textured_relief(result, mm_per_px) as found,
         at_once(out.parent) as batch,

@@ -48,8 +48,8 @@ def results_in(places: Sequence[Path]) -> FoundResults:
     return FoundResults(found, without)
 
 
-def ending_of(to: str, sweep: bool, out: Path) -> str:
-    """How the file of each of several results ends in the folder `out`; "" where it is a folder.
+def ending_of(to: str, sweep: bool, out: Path, results: dict[str, Path]) -> str:
+    """How the file of each of the results ends in the folder `out`; "" where it is a folder.
 
     Raises
     ------
@@ -60,5 +60,8 @@ def ending_of(to: str, sweep: bool, out: Path) -> str:
         raise no_such("format", to, FORMATS)
     ending = FORMATS[to] if to else FILM if sweep else PICTURE
     if ending and out.suffix.lower() == ending:
-        raise InputError(f"--out {out} is called like one file but of several results a folder is written; name one.")
+        raise InputError(
+            f"--out {out} is called like one file but several results go into a folder; name one, or "
+            f"give a result in it, such as {next(iter(results.values()))}."
+        )
     return ending

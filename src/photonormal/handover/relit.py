@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.disk import at_once, refuse_taken
+from photonormal.export.folder import result_files
 from photonormal.export.normal_maps import told_frame
 from photonormal.export.pictures import albedo_samples, is_encoded, linear
 from photonormal.files.opening import read_npz
@@ -71,7 +72,7 @@ def export_relit(
         )
     if by not in (*FITS, MATT):
         raise InputError(f"--by {by[:40]!r} came but {', '.join(FITS)} or {MATT} is needed; choose one.")
-    refuse_taken([out], overwrite)
+    refuse_taken([out], overwrite, result_files(result))
     lights = [direction(azimuth + 360 * step / STEPS, elevation) for step in range(STEPS if sweep else 1)]
     with (
         _matt(result) if by == MATT else _fitted(result, capture, by, lights, out, overwrite) as relit,

@@ -12,6 +12,7 @@ import numpy as np
 
 from photonormal.capture.images import MARGIN
 from photonormal.disk import refuse_taken, write
+from photonormal.export.folder import result_files
 from photonormal.export.result import brightest
 from photonormal.geometry import far_apart
 from photonormal.masked import box_of
@@ -72,7 +73,7 @@ def export_page(
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--page {out} ends in {out.suffix!r} but an .html file is written; choose such a name.")
-    refuse_taken([out], overwrite, option="--page")
+    refuse_taken([out], overwrite, result_files(Path(folder)), option="--page")
     shown = open_result(folder, capture, mm_per_px)
     about = dict(shown.about)
     sizes = about["sizes"]

@@ -43,7 +43,7 @@ def test_names_are_paths_below_the_fixed_part(place, monkeypatch):
 
 def test_a_list_has_options_of_its_own(place, tmp_path):
     text = "capture;name;mask;ring;elevation;srgb;method;mesh\n1/front;a;m.png;8;40,5;true;l1;false\n2/front;b;;;;;;\n"
-    (tmp_path / "season" / "list.csv").write_text(text.replace("40,5", "40.5"))
+    (tmp_path / "season" / "list.csv").write_text(text)
     one, two = found("season/list.csv", reading={"srgb": False, "mask": None})
     assert one.job.capture == Path("season/1/front") and one.job.method == "l1" and one.job.integration is None
     reading = {"srgb": True, "mask": Path("season/m.png"), "ring": 8, "elevation": 40.5}
@@ -58,6 +58,8 @@ def test_a_list_has_options_of_its_own(place, tmp_path):
 def test_a_list_is_read_as_spreadsheets_write_it(place, tmp_path):
     text = "Capture; Name ;Sphere\r\n1/front;K\xf6nig;balls\r\n;;\r\n2/front;;\r\n;;\r\n"
     (tmp_path / "season" / "list.csv").write_bytes(text.encode("latin-1"))
+    (tmp_path / "tabs.csv").write_text("capture\tcrop\timages\tscale\nseason/1/front\t1,2,3,4\t1,2\t0,5\n")
+    assert found("tabs.csv")[0].job.reading == {"crop": "1,2,3,4", "images": "1,2", "scale": 0.5}
     two, one = found("season/list.csv")
     assert one.name == "K\xf6nig" and one.job.sphere == str(tmp_path / "season" / "balls")
     assert two.name == "front" and two.job.sphere == ""
@@ -77,7 +79,7 @@ def test_what_a_list_says_of_a_capture_holds_beside_a_pattern(place, tmp_path):
     ("text", "says"),
     [
         ("capture,ring\n1,many\n", "capture 1: ring many came but a whole number"),
-        ('capture,elevation\n1,"40,5"\n', "capture 1: elevation 40,5 came but a number is needed"),
+        ('capture,elevation\n1,"40,5,1"\n', "capture 1: elevation 40,5,1 came but a number is needed"),
         ("capture,srgb\n1,yes\n", "capture 1: srgb yes came but true or false is needed"),
         ("capture,rings\n1,8\n", "has the option 'rings', which there is not"),
         ("capture,name\n1,../x\n", "is called '../x'"),

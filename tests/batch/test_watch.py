@@ -4,9 +4,12 @@ import csv
 import shutil
 from functools import partial
 
+import pytest
+
 from photonormal.batch import watch
 from photonormal.cli import main
 from photonormal.cli.batching import while_watching
+from photonormal.types import InputError
 from tests.batch.conftest import WORDS
 
 
@@ -97,3 +100,12 @@ def test_what_comes_is_measured_and_the_summary_follows(season, tmp_path, here, 
 def test_a_folder_is_needed(tmp_path, capsys):
     assert main(["watch", str(tmp_path / "in"), "--out", str(tmp_path / "results")]) == 2
     assert "is no folder but one that captures come into is needed" in capsys.readouterr().err
+    assert main(["watch", str(tmp_path), "--out", str(tmp_path)]) == 2
+    assert "is watched, and results in it would be taken for captures" in capsys.readouterr().err
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_gone_ends_it(tmp_path):
+    (tmp_path / "in").mkdir()
+    with pytest.raises(InputError, match="is no longer there"):
+        watch.watch(tmp_path / "in", tmp_path / "out", print, 1, stop=lambda: (tmp_path / "in").rmdir())

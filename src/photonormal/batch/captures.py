@@ -7,6 +7,7 @@ import os
 import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from itertools import zip_longest
 from pathlib import Path
@@ -190,10 +191,11 @@ def _value(value: Any, kind: Any, called: str, base: Path) -> Any:
             return UNKNOWN if given == str(UNKNOWN) else base / given
         raise NotImplementedError
 
-    try:
-        made = msgspec.convert(value, kind, strict=False, dec_hook=of_path)
-    except (msgspec.ValidationError, NotImplementedError):
-        made = value
+    made = value
+    pointed = value.replace(",", ".") if isinstance(value, str) and re.fullmatch(r"-?\d+,\d+", value) else value
+    for given in (pointed, value):  # what holds, such as `1,2` as text, holds in the end
+        with suppress(msgspec.ValidationError, NotImplementedError):
+            made = msgspec.convert(given, kind, strict=False, dec_hook=of_path)
     check_value(made, kind, called)
     return made
 
@@ -213,7 +215,7 @@ def _csv(path: Path) -> list[dict[str, Any]]:
     import csv
 
     lines = read_lines(path)
-    separator = ";" if lines and ";" in lines[0] else ","
+    separator = next((mark for mark in ";\t" if lines and mark in lines[0]), ",")
     head, *rows = list(csv.reader(lines, delimiter=separator, skipinitialspace=True)) or [[]]
     names = [name.strip().lower() for name in head]
     if not rows or "capture" not in names:

@@ -39,12 +39,16 @@ def watch(
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder but one that captures come into is needed; make it first.")
+    if out.exists() and out.samefile(folder):
+        raise InputError(f"{folder} is watched, and results in it would be taken for captures; choose another --out.")
     seen: dict[Path, tuple[Files, float]] = {}
     given: dict[Path, Files] = {}
     tell("watching", folder=str(folder), out=str(out))
     loose: list[Path] = []
     while not stop():
         now = time.monotonic()
+        if not folder.is_dir():
+            raise InputError(f"{folder} is no longer there, so nothing can come into it; what came before is measured.")
         if not loose and (loose := photographs(picture_files(folder))):
             tell("loose", folder=str(folder), picture=loose[0].name)
         whole = []

@@ -96,7 +96,6 @@ def measure(
     if examine:
         with _stage("check", seconds):
             findings = check(capture, told)
-        hand_back()
     warnings = [finding.message for finding in findings] if examine or told is None else list(told.notes)
     solved = _solved(solver, capture, where, precision, parts, expected_error, seconds)
     normals, lit, told = solved.normals, solved.lit, told or solved.told
@@ -105,7 +104,6 @@ def measure(
     if integration is not None:
         with _stage("integrate", seconds), progress(f"depth by {integration}"):
             surface = integrate(normals, integration, K=_camera_matrix(capture, K))
-        hand_back()  # grids of all sizes were made and freed
     if materials:
         from photonormal.materials import materials_of
 
@@ -117,13 +115,11 @@ def measure(
                 "degrees, gloss is seen that is none, and base_colour.png gets dark spots. Compare it with albedo.png, "
                 "or take the lights from a mirror sphere."
             )
-        hand_back()
     if albedo and lit.lights is not None:
         from photonormal.methods.albedo import lambertian_albedo
 
         with _stage("albedo", seconds):
             rho = lambertian_albedo(lit, normals)
-        hand_back()
     if rho is not None and surface is not None:
         from photonormal.materials.interreflections import brightening
 
@@ -281,4 +277,5 @@ def _read(capture: Capture) -> dict[str, float]:
 def _stage(name: str, seconds: dict[str, float]) -> Iterator[None]:
     start = time.perf_counter()
     yield
+    hand_back()  # what it made and freed
     seconds[name] = round(seconds.get(name, 0.0) + time.perf_counter() - start, 4)

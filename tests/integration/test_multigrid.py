@@ -5,7 +5,7 @@ from photonormal.integration import bands
 from photonormal.integration.conjugate import conjugate_gradients
 from photonormal.integration.grid import Grid
 from photonormal.integration.interpolation import Interpolation
-from photonormal.integration.multigrid import Multigrid
+from photonormal.integration.multigrid import DIRECT, Multigrid
 from photonormal.integration.slopes import add_divergence, adjacent, weighted_laplacian
 
 
@@ -84,3 +84,18 @@ def test_few_iterations_solve_any_size_across_jumps(size):
 def test_no_edges_give_nothing():
     z = Multigrid(np.zeros((20, 29)), np.zeros((19, 30)))(np.zeros((20, 30), np.float32))
     assert (z == 0).all()
+
+
+@pytest.mark.parametrize(("h", "w"), [(1, 900), (2, 601), (3, 600), (600, 3), (20, 4000)])
+def test_a_strip_becomes_coarse_along_its_length(h, w):
+    """Else its last grid would be solved as one matrix, with the square of its length in numbers; and it converges."""
+    cx, cy = np.ones((h, w - 1), np.float32), np.ones((h - 1, w), np.float32)
+    cycle = Multigrid(cx, cy)
+    assert len(cycle.coarsest) <= DIRECT
+    truth = np.add.outer(np.sin(np.arange(h) / 2), 10 * np.sin(np.arange(w) / 40))
+    truth -= truth.mean()
+    b = weighted_laplacian(truth, cx, cy, slice(0, h))
+    z, converged = conjugate_gradients(
+        lambda z, rows: weighted_laplacian(z, cx, cy, rows), b, np.zeros((h, w)), cycle, 1e-6, 30
+    )
+    assert converged and np.abs(z - z.mean() - truth).max() < 1e-2

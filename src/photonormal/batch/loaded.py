@@ -5,7 +5,7 @@ from importlib import import_module
 
 gc.disable()  # nothing of this is garbage: to look for some would take a quarter of the time
 for name in (
-    *("cv2", "numpy", "scipy.fft", "scipy.ndimage", "scipy.special", "torch", "trimesh"),
+    *("cv2", "numpy", "scipy.fft", "scipy.ndimage", "scipy.special", "torch"),
     *("photonormal.job", "photonormal.methods.engine", "photonormal.methods.engine.stream"),
     *("photonormal.methods.albedo", "photonormal.methods.expected", "photonormal.integration.quadratic"),
     *("photonormal.doctor.explanations", "photonormal.doctor.lights", "photonormal.doctor.motion"),

@@ -199,4 +199,4 @@ def smooth(v: Float[np.ndarray, " n"], L: Float[np.ndarray, "n 3"]) -> float:
     x, y = L[:, 0], L[:, 1]
     A = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     left = ((v - A @ np.linalg.lstsq(A, v, rcond=None)[0]) ** 2).sum() / max(len(v) - A.shape[1], 1)
-    return 1 - float(left / v.var(ddof=1))
+    return 1 - float(left / v.var(ddof=1)) if v.var() else 0.0

@@ -7,6 +7,7 @@ import io
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from photonormal.disk import Content
 from photonormal.srgb import from_linear
 from photonormal.types import InputError, Normals, Surface
 
@@ -67,8 +68,8 @@ def encode(
     mm_per_px: float | None,
     most_faces: int = FACES,
     white: float = 1.0,
-) -> bytes | memoryview:
-    """The bytes of a mesh; it leaves out pixels without depth.
+) -> Content:
+    """The content of a mesh; it leaves out pixels without depth.
 
     Every pixel is a vertex; where that makes more than about `most_faces` triangles, those of every second, third ...
     row and column are.
@@ -81,15 +82,20 @@ def encode(
     if not known.any():
         raise InputError("the surface holds no depth; integrate normals that are known somewhere.")
     step = step_for(surface.mask, most_faces)
+    scale = scale_of(surface, mm_per_px)
+    if suffix == ".ply":
+        from photonormal.export.ply import ply
+
+        return ply(surface, known, step, scale, normals, albedo, white)
     some = np.s_[::step, ::step]
     keep = known[some]
-    points = vertices(Surface(surface.depth, known, surface.K), step) * scale_of(surface, mm_per_px)
+    points = vertices(Surface(surface.depth, known, surface.K), step) * scale
     N = None if normals is None else normals.map[some][keep].astype(np.float64)
     linear = None if albedo is None else np.broadcast_to(albedo[some][keep] / white, (len(points), 3))
     if suffix == ".obj":
         return _obj(points, faces(keep), N, None if linear is None else display(linear) / 255, coordinates(known, step))
     import trimesh
-    from trimesh.visual import ColorVisuals, TextureVisuals
+    from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
     mesh = trimesh.Trimesh(points, faces(keep), vertex_normals=N, process=False, validate=False)
@@ -97,8 +103,6 @@ def encode(
         mesh.visual = look = TextureVisuals(coordinates(known, step), PBRMaterial())
         if linear is not None:
             look.vertex_attributes["color"] = _with_alpha(np.rint(255 * np.nan_to_num(linear).clip(0, 1)))
-    elif linear is not None and suffix != ".stl":
-        mesh.visual = ColorVisuals(mesh, vertex_colors=display(linear))
     buffer = io.BytesIO()
     mesh.export(buffer, file_type=suffix[1:])
     return buffer.getbuffer()

@@ -75,7 +75,6 @@ def _reduced(picture: np.ndarray, height: int = PREVIEW_HEIGHT) -> np.ndarray:
     import cv2
 
     scale = height / len(picture)
-    picture = np.ascontiguousarray(picture)
     return picture if scale >= 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
 
 

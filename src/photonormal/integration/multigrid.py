@@ -29,7 +29,7 @@ class Multigrid:
         self.shape = len(cx), cy.shape[1]
         grid = Grid.of(cx, cy)
         self.levels: list[tuple[Grid, Interpolation]] = []
-        while grid.inverse.size > DIRECT and min(grid.inverse.shape) > 3:
+        while grid.inverse.size > DIRECT:
             between = Interpolation.of(grid)
             self.levels.append((grid, between))
             grid = between.coarse(grid)

@@ -23,9 +23,7 @@ def bend_deg(normals: Normals) -> Float[np.ndarray, "h w"]:
     some = normals.mask[::step, ::step]
     if step == 1 or not some.any():
         return _bend_deg(normals.map, normals.mask)
-    found = np.full(normals.mask.shape, np.nan, np.float32)
-    found[::step, ::step] = _bend_deg(normals.map[::step, ::step], some)
-    return between(found, normals.mask, step)
+    return between(_bend_deg(normals.map[::step, ::step], some), normals.mask, step)
 
 
 def _bend_deg(N: Float[np.ndarray, "h w 3"], mask: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:

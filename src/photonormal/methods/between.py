@@ -20,13 +20,16 @@ def everywhere(map: Float[np.ndarray, "h w *c"], known: Bool[np.ndarray, "h w"])
     return map[tuple(nearest)]
 
 
-def between(found: Float[np.ndarray, "h w"], mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "h w"]:
-    """Positive values of all pixels of the mask from those of a grid: the nearest known one's, smoothed over it."""
+def between(grid: Float[np.ndarray, "a b"], mask: Bool[np.ndarray, "h w"], step: int) -> Float[np.ndarray, "h w"]:
+    """Positive values of all pixels of the mask from those at every `step`-th row and column, NaN where unknown.
+
+    The nearest known one's, smoothed over the grid.
+    """
     import cv2
 
     box = box_of(mask)
     above, left = (side.start // step for side in box)
-    small = found[::step, ::step][above : -(-box[0].stop // step) + 1, left : -(-box[1].stop // step) + 1]
+    small = grid[above : -(-box[0].stop // step) + 1, left : -(-box[1].stop // step) + 1]
     logs = np.log(everywhere(small, ~np.isnan(small))).astype(np.float32)
     full = np.full(mask.shape, np.nan, np.float32)
     for top in range(box[0].start, box[0].stop, ROWS):

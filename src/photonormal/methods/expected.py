@@ -42,7 +42,7 @@ FITTED = 3, 100  # images of the scenes that calibrations were fitted to
 EVERY, SPARSEST = 3000, 5  # pixels up to which each one's error is found; of more, one in 25 at least
 LARGEST = 2**22  # pixels whose evidence is held; of larger objects so many
 SHIFT = 0.35  # by which a real object's true normals lie beside its pictures, in parts of its size, `bend.PART`
-PIXELS = 2**20  # whose terms are held at a time
+PIXELS = 2**16  # whose terms are held at a time
 
 
 def with_expected_error(
@@ -66,18 +66,18 @@ def with_expected_error(
     if calibration is None:
         return normals if told_map is None else replace(normals, expected_error_deg=told_map)
     step = grid_step(int(normals.mask.sum()), method.needs.reads == "pixels")
+    if not normals.mask[::step, ::step].any():
+        step = 1
     some = np.zeros_like(normals.mask)
     some[::step, ::step] = normals.mask[::step, ::step]
-    if not some.any():
-        some, step = normals.mask, 1
     shifted = bend_deg(normals)
     F = evidence_of(seen_as_distant(capture, normals), normals, device, told_map, some, shifted)
-    found = on_map(calibration(F.cpu().numpy()), some, np.nan)
+    found = on_map(calibration(F.cpu().numpy()), some[::step, ::step], np.nan)
     if step > 1 and told_map is None:
         found = between(found, normals.mask, step)
     if step > 1 and told_map is not None:
         told_map = told_map.clip(LEAST_TOLD)  # it differs from pixel to pixel; how far to trust it does not
-        found = told_map * between(found / told_map, normals.mask, step)
+        found = told_map * between(found / told_map[::step, ::step], normals.mask, step)
     here = shifted[box_of(normals.mask)]
     here *= shift
     np.hypot(found[box_of(normals.mask)], here, out=here).clip(max=90, out=here)

@@ -91,7 +91,7 @@ def test_a_smaller_bound_finds_the_same(allow):
     capture = load("demo", images="1-8")
     allow(1e12)
     whole = solve(capture, "trimmed")
-    allow(plan.LEVEL * 8 * 1000)  # a thousand pixels
+    allow(plan.LITTLE * plan.LEVEL * 8 * 1000)  # a thousand pixels
     few = solve(capture, "trimmed")
     assert plan.pixels(capture) == 1000
     assert angle_deg(whole.map[whole.mask], few.map[whole.mask]).max() < 0.05 and np.array_equal(whole.mask, few.mask)

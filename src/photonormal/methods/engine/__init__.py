@@ -23,7 +23,7 @@ def run(method: Method, capture: Capture, device: torch.device, rows: slice | No
     Raises
     ------
     InputError
-        If the capture is not what the method needs, or no light reached any pixel.
+        If the capture is not what the method needs, all its pictures are alike, or no light reached any pixel.
     """
     return run_as_it_is(method, prepared(method, capture), device, rows)
 
@@ -36,9 +36,11 @@ def prepared(method: Method, capture: Capture) -> Capture:
     """
     from photonormal.methods.engine.cutoff import given_back
     from photonormal.methods.engine.evened import evened
+    from photonormal.methods.engine.looks import refuse_alike
 
     if not method.needs.lights:
         return capture
+    refuse_alike(capture)
     capture = given_back(capture)
     return evened(capture, method) if isinstance(method, Streaming) else capture
 
@@ -65,8 +67,11 @@ def check_needs(method: Method, capture: Capture) -> None:
             f"{n} images came but {name_of(method)} needs {needs.images} or more lights; "
             "add photographs or use woodham."
         )
-    if needs.lights:
-        capture.known_lights()
+    if needs.lights and (capture.known_lights()[:, 2] < 0).all():
+        raise InputError(
+            f"all {n} lights of {capture.name} lie behind the object (z below 0) but z has to point from the object to "
+            "the camera; turn its sign in the file."
+        )
 
 
 def under_distant_lights(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:

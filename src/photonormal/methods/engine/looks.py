@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Bool
 
 from photonormal.masked import CLOSE, box_of, thinned
-from photonormal.types import Capture, window_of
+from photonormal.types import Capture, InputError, window_of
 
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
 
@@ -38,3 +38,19 @@ def of_some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np
         return of(np.concatenate(samples), j)
 
     return np.stack(capture.each_image(of_image))
+
+
+def refuse_alike(capture: Capture) -> None:
+    """InputError where all pictures show the same, whatever their light, and not just black."""
+    n, lines = capture.images.shape[0], np.flatnonzero(capture.mask.any(1))
+    middle = slice(int(lines[len(lines) // 2]), int(lines[len(lines) // 2]) + 1), slice(0, capture.mask.shape[1])
+    inside = capture.mask[middle]
+    first = capture.window(0, *middle)[inside]
+    if not first.any() or any((capture.window(j, *middle)[inside] != first).any() for j in range(1, n)):
+        return  # as a rule the second picture tells
+    shown = of_some(capture, lambda samples, j: samples)
+    if (shown == shown[0]).all():
+        raise InputError(
+            f"all {n} pictures of {capture.name} show the same but each needs a light of its own; give photographs "
+            "under different lights."
+        )

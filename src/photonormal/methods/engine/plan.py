@@ -10,6 +10,8 @@ from photonormal.types import Capture, MachineLimit
 
 LEVELS = 2**26  # grey levels held at a time, at most
 LEVEL = 64  # bytes allowed for each, with what is made of them
+RESULTS = 36  # bytes of each pixel of the frame: normals, expected errors, depth, albedo, masks
+LITTLE = 8  # this part of the memory is worked in where these leave less
 SIDE = {"cpu": 2048, "cuda": 1024}  # of a window in pixels, without its margins, at most
 LEAST = 64  # pixels of a window's side, at least
 WINDOW = 2 / 3  # of the memory, at most
@@ -30,16 +32,17 @@ SLACK = 1.1  # memory taken over what is held: pieces that were freed lie betwee
 MOST = 512  # such rows that are read together
 
 
-def levels() -> int:
-    """Grey levels that may be held at a time."""
-    return min(LEVELS, memory.allowed() // LEVEL)
+def levels(capture: Capture) -> int:
+    """Grey levels that may be held at a time, beside libraries, pictures and the results of the frame."""
+    beside = LOADED + memory.held() + RESULTS * capture.mask.size
+    return min(LEVELS, max(memory.allowed() - beside, memory.allowed() // LITTLE) // LEVEL)
 
 
 def pixels(capture: Capture) -> int:
     """Pixels of a capture whose grey levels may be held at a time; InputError where they are not one row."""
     n, _, width, _ = capture.images.shape
     _refuse(n * width * LEVEL, f"a row of {width} pixels in {n} photographs")
-    return max(width, levels() // n)
+    return max(width, levels(capture) // n)
 
 
 def tile(

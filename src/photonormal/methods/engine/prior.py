@@ -61,6 +61,7 @@ def first_look(
     lit = torch.zeros(h, w, dtype=torch.bool, device=device)
     moments = torch.zeros(1, 1, 1, 1, device=device)
     parts = _rows(box, plan.pixels(capture))
+    together = max(1, plan.levels(capture) // PART // n)
     asked = rows or slice(0, h)
     some = torch.from_numpy(telling(box.mask.numpy(), n))
     dark = None if prior is None or len(parts) == 1 else float(darkest(_shown(capture, box, some)))
@@ -88,7 +89,7 @@ def first_look(
                 moments[:, :, *seen] = found
             if start:
                 dark = float(darkest(I[some[box.mask].to(device)])) if dark is None else dark
-                N[seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, dark)
+                N[seen] = _normals(start, I, box.lights(capture, seen).to(device), mask, dark, together)
     if not (lit & box.mask.to(device)).any():
         raise InputError(f"all pixels of {capture.name} inside the mask are dark; check exposure, mask and images.")
     return FirstLook(N, moments, lit)
@@ -105,10 +106,15 @@ def _shown(capture: Capture, box: Box, some: Bool[Tensor, "h w"]) -> Float[Tenso
 
 
 def _normals(
-    prior: Prior, I: Float[Tensor, "p n"], L: Float[Tensor, "n 3 *hw"], mask: Bool[Tensor, "h w"], dark: float
+    prior: Prior,
+    I: Float[Tensor, "p n"],
+    L: Float[Tensor, "n 3 *hw"],
+    mask: Bool[Tensor, "h w"],
+    dark: float,
+    step: int,
 ) -> Float[Tensor, "3 h w"]:
+    """Those of some rows of the box, so many pixels at a time."""
     found = torch.zeros(3, *mask.shape, device=I.device)
-    step = max(1, plan.levels() // PART // max(1, I.shape[1]))
     seen = L if L.ndim == 2 else L[:, :, mask].permute(2, 0, 1)  # (p, n, 3)
     parts = [
         prior.normals(I[a : a + step], L if L.ndim == 2 else seen[a : a + step], dark) for a in range(0, len(I), step)

@@ -51,7 +51,7 @@ class Filled:
         n, _, _, c = self.shape = self.capture.images.shape
         self.columns = box_of(self.capture.mask)[1]
         wide = self.columns.stop - self.columns.start
-        self.rows = max(1, min(SAMPLES, plan.levels()) // (n * c * wide))  # of a block
+        self.rows = max(1, min(SAMPLES, plan.levels(self.capture)) // (n * c * wide))  # of a block
 
     def __getitem__(self, j: int, /) -> Image:
         return self.window(j, slice(None), slice(None))

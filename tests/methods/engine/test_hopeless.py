@@ -1,0 +1,34 @@
+"""What no method can measure: `solve` and `measure` say the same of it, in one line."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import photonormal as pn
+from tests.scenes import lambertian, ring, sphere
+
+BALL = lambertian(sphere(24), ring(6))
+
+
+@pytest.mark.parametrize("command", [pn.solve, pn.measure])
+@pytest.mark.parametrize(
+    ("capture", "said"),
+    [
+        (replace(BALL, lights=BALL.lights * [1, 1, -1]), "all 7 lights of sphere lie behind the object"),
+        (replace(BALL, images=np.repeat(BALL.images[2:3], 7, axis=0)), "all 7 pictures of sphere show the same"),
+        (replace(BALL, images=np.full_like(BALL.images, 0.5)), "all 7 pictures of sphere show the same"),
+        (replace(BALL, images=np.zeros_like(BALL.images)), "inside the mask are dark"),
+    ],
+)
+def test_it_is_refused(command, capture, said):
+    with pytest.raises(pn.InputError, match=said) as told:
+        command(capture, "woodham")
+    assert "\n" not in str(told.value)
+
+
+def test_one_picture_that_differs_is_enough_to_go_on():
+    """However little it is: then normals are wrong, but the photographs say why (`photonormal.check`)."""
+    images = np.full_like(BALL.images, 0.5)
+    images[3] *= 0.999
+    assert pn.solve(replace(BALL, images=images), "woodham").mask.any()

@@ -87,7 +87,7 @@ class OnDisk:
         enough = memory.text_of(memory.to_hold(self.nbytes), "")
         self.scratch = Scratch(self.nbytes, f", or allow more memory, such as --memory {enough}")
         log.warning(
-            "%s of photographs are kept in a scratch file in %s",
+            "photonormal: %s of photographs are kept in a scratch file in %s",
             memory.text_of(self.nbytes),
             memory.scratch_folder(),
         )

@@ -118,8 +118,8 @@ def _fitted(
         if (np.abs(basis(np.stack(lights)) @ np.linalg.pinv(basis(known))).sum(1) > STRETCHED).any():
             lowest, highest = np.degrees(np.arcsin(np.clip([known[:, 2].min(), known[:, 2].max()], -1, 1)))
             log.warning(
-                "the photographs show lights at elevations of %.0f to %.0f degrees; far from them the picture is a "
-                "guess. Ask for a light nearer to theirs, or choose --by matt.",
+                "photonormal: the photographs show lights at elevations of %.0f to %.0f degrees; far from them the "
+                "picture is a guess. Ask for a light nearer to theirs, or choose --by matt.",
                 lowest,
                 highest,
             )

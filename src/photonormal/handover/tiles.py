@@ -72,8 +72,8 @@ def repeating(flat: Layers, of: Path) -> Iterator[Layers]:
             plane[:] = layer if k in (3, 4) else layer.clip(0, 1)
         if bent > BENT:
             log.warning(
-                "the edges of %s hardly meet: closing the tile changes its slopes by %.1f on average, so that it looks "
-                "unlike the object. Measure a flatter part of the photographs with --crop x,y,width,height.",
+                "photonormal: the edges of %s hardly meet: closing the tile changes its slopes by %.1f on average: it "
+                "looks unlike the object. Measure a flatter part of the photographs with --crop x,y,width,height.",
                 of,
                 bent,
             )

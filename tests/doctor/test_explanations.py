@@ -30,8 +30,9 @@ def changed(capture: Capture, images: np.ndarray) -> Capture:
     return replace(capture, images=images.astype(np.float32))
 
 
-def near_lamps(widths: float) -> Capture:
-    """A painted plate with shallow waves under lamps so many of its widths away, given by their directions."""
+def near_lamps(widths: float, sheen: float = 0.0) -> Capture:
+    """A painted plate with shallow waves under lamps so many of its widths away, given by their directions; `sheen` is
+    the level of a highlight."""
     size = 72
     y, x = np.mgrid[0.5 : -0.5 : 1j * size, -0.5 : 0.5 : 1j * size]
     z = 0.01 * np.sin(15 * x + 4 * y) * np.cos(11 * y)
@@ -40,7 +41,9 @@ def near_lamps(widths: float) -> Capture:
     d = widths * LIGHTS[:, None, None] - np.stack([x, y, z], axis=-1)  # (n, h, w, 3)
     r = np.linalg.norm(d, axis=-1)
     paint = 0.4 + 0.1 * np.sin(9 * x) * np.sin(7 * y)
-    I = paint * (widths / r) ** 2 * ((d / r[..., None]) * N).sum(-1).clip(0)
+    L = d / r[..., None]
+    shown = paint * (L * N).sum(-1).clip(0) + sheen * (normalised(L + np.array([0, 0, 1])) * N).sum(-1).clip(0) ** 60
+    I = (widths / r) ** 2 * shown
     return noisy(Capture(I[..., None].astype(np.float32), np.ones((size, size), bool), LIGHTS))
 
 
@@ -89,8 +92,14 @@ def test_near_lamps_given_as_directions_are_told_with_their_distance(widths):
     assert all(option in found.message for option in ("--mm-per-px", "--dome-radius-mm", "--flat FOLDER"))
 
 
-def test_distant_lamps_are_not_near_ones():
-    assert told(near_lamps(100.0)) == []
+def test_near_lamps_are_told_of_what_shines():
+    (found,) = told(near_lamps(3.0, sheen=0.25))
+    assert found.kind == "near" and found.numbers["distance_widths"] == 3.0
+
+
+@pytest.mark.parametrize("sheen", [0.0, 0.25])
+def test_distant_lamps_are_not_near_ones(sheen):
+    assert told(near_lamps(100.0, sheen)) == []
 
 
 def shining(truth: Normals, strength: float, exponent: float, lights: np.ndarray = LIGHTS) -> Capture:

@@ -19,7 +19,8 @@ from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-BY_NORMALS = 0.965  # misfit with near lamps, as part of that with normals for places
+SHINES = 0.3  # of each pixel's lit samples, the brightest, that may shine, by which near lamps are not told
+BY_NORMALS = 0.93  # misfit with near lamps, as part of that with normals for places
 HALFWAY, PARTS_AGREE = 0.3, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
 LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
 BY_FACTORS = 1.05  # misfit with twice the angles, as part of that with a factor for each light
@@ -53,12 +54,12 @@ def explanation(
     pixels = MisfitPixels.of(given.seen(), mask)
     if pixels is None:
         return _hardly_differ(given.levels, L)
-    b, before = pixels.fit(L)
+    _, before = pixels.fit(L)
     tried = [_staying_on(pixels, L, before, None if linearised else bits, encoded)]
     if linearised:
         tried.append(_linear_before(pixels, L, before))
     if not isinstance(given, Near):
-        tried += [_near(pixels, L, b, before), _halfway(pixels, L, before)]
+        tried += [_near(pixels.duller(SHINES), L), _halfway(pixels, L, before)]
     found = [t for t in tried if t is not None]
     return [min(found, key=lambda t: t[0])[1]] if found else _hardly_differ(given.levels, L)
 
@@ -159,12 +160,17 @@ def _linear_before(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> t
     return gain.left, Finding("encoding", True, message, numbers, options=options)
 
 
-def _near(pixels: MisfitPixels, L: np.ndarray, b: np.ndarray, before: np.ndarray) -> tuple[float, Finding] | None:
+def _near(pixels: MisfitPixels, L: np.ndarray) -> tuple[float, Finding] | None:
     """Each picture is brighter on its lamp's side, as on a plane under lamps at one distance.
 
     On what is round or domed normals face the lamp on that side, too, and sheen is brighter there: places have to
     explain more than normals do.
+
+    Parameters
+    ----------
+    pixels : without their brightest samples, which shine
     """
+    b, before = pixels.fit(L)
     gains = [pixels.gain(before, pixels.fit(at_distance(pixels.place, L, d))[1]) for d in WIDTHS]
     k = int(np.argmin([g.left for g in gains]))
     if not gains[k].below(NEAR):

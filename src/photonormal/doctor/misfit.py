@@ -62,6 +62,13 @@ class MisfitPixels:
         """Other grey levels, of which the same samples are asked."""
         return replace(self, I=I)
 
+    def duller(self, part: float) -> MisfitPixels:
+        """Without that part of each pixel's lit samples that is brightest, as far as enough are left."""
+        count = self.lit.sum(1)
+        rank = np.where(self.lit, -self.I, np.inf).argsort(axis=1).argsort(axis=1)
+        left_out = np.minimum((part * count).astype(int), count - FEW)
+        return replace(self, lit=self.lit & (rank >= left_out[:, None]))
+
     @property
     def level(self) -> Float[np.ndarray, " p"]:
         """Mean of each pixel's lit samples."""

@@ -75,6 +75,16 @@ def test_what_the_machine_was_too_small_for_is_tried_again(season, tmp_path, her
     assert batch("--memory", "3GB", captures=captures)[1].startswith("1 measured")
 
 
+def test_a_fault_in_code_of_others_is_told_by_its_place(season, tmp_path, here, batch, monkeypatch):
+    def broken(*given, **more):
+        raise RuntimeError("no more film")
+
+    monkeypatch.setattr("photonormal.job.write_result", broken)
+    code, _, err = batch(captures=[season / "vase-0"])
+    assert code == 1 and "vase-0: RuntimeError: no more film, raised in test_batch.py, line " in err
+    assert "which is no part of photonormal." in err and err.count("\n") == 1
+
+
 def test_a_list_is_not_stale_for_its_neighbours(season, tmp_path, here, batch):
     folder = season / "vase-0"
     lights = np.loadtxt(folder / "light_directions.txt")

@@ -95,6 +95,8 @@ def test_the_rows_of_a_large_capture_are_solved_by_all_workers(tmp_path, monkeyp
 def test_captures_are_shared_by_the_workers_of_a_cluster_alone(season, tmp_path, batch):
     code, out, err = batch("--split-megapixels", "10")
     assert (code, out, err.count("\n")) == (2, "", 1) and "needs a cluster" in err
+    code, out, err = batch("--workers", "2", "--jobs", "2")
+    assert (code, out, err.count("\n")) == (2, "", 1) and "leave --jobs out" in err
 
 
 class Workers:

@@ -57,7 +57,7 @@ class Choice:
     lens : calibration that OpenCV wrote, whose distortion is taken out
     frame : frame of the light directions, a key of photonormal.geometry.FRAMES
     mm_per_px : side of a pixel at the object's depth; lights are then near, and their file holds positions in mm
-    dome_radius_mm : the file holds directions nevertheless, of lamps at this distance around the object's middle
+    dome_radius_mm : the file holds directions nevertheless, of lamps this far from the object at the picture's middle
     focal_px : focal length of a camera whose perspective matters
     crop : "x,y,width,height", or those numbers, in pixels of the photographs: what of them is read; empty: all.
         Everything else that is told in pixels counts in the whole photographs

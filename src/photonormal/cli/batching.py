@@ -49,6 +49,8 @@ class Going:
         from photonormal.batch.workers import begin_loading, work_through
 
         if self.scheduler or self.workers:
+            if self.jobs:
+                raise InputError("--jobs came but a cluster measures with its own workers; leave --jobs out.")
             return cluster(self.scheduler, self.workers, self.split_megapixels)
         if self.split_megapixels:
             raise InputError(

@@ -78,7 +78,7 @@ class LightOptions:
     mm_per_px: Millimetres = None
     """Millimetres that a pixel is wide on the object: lights are near, and their file holds positions in mm."""
     dome_radius_mm: Millimetres = None
-    """Lamps are this far from the object's middle, in the directions that their file holds; with --mm-per-px."""
+    """Lamps are this far from the object at the picture's middle, in their file's directions; with --mm-per-px."""
     focal_px: Pixels = None
     """Focal length in pixels, for a camera near the object; with --mm-per-px."""
 

@@ -46,7 +46,11 @@ class RelightingFit:
     def __post_init__(self) -> None:
         n, k = self.capture.images.shape[0], self.terms
         if n < k:
-            fewer = "choose ptm, a fit of 6 terms" if n >= FEWEST else "choose what needs no fit: gltf, maps, --by matt"
+            fewer = (
+                "choose a fit of 6 terms: --to ptm, --by ptm"
+                if n >= FEWEST
+                else "choose what needs no fit: gltf, maps, --by matt"
+            )
             raise InputError(
                 f"{n} photographs came but a fit of {k} terms needs at least {k}; add photographs, or {fewer}."
             )

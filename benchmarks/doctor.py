@@ -313,13 +313,12 @@ FRAMES = {
     "quarter turn": NormalsFrame(False, 90).matrix(),
     "z flipped": np.diag([1.0, 1.0, -1.0]),
 }
-FAULTS = {  # name -> what was done, and the kinds of findings that tell it
+FAULTS = {  # name -> what was done, and the kinds of findings that tell it; new ones come last, since seeds count them
     **{name: (with_lights(lambda L, g, M=M: L @ M.T), {"frame"}) for name, M in FRAMES.items()},
     "order reversed": (with_lights(lambda L, g: L[::-1]), {"order"}),
     "order random": (with_lights(lambda L, g: g.permutation(L)), {"order"}),
     "halfway": (with_lights(lambda L, g: normalised(L + np.array([0, 0, 1]))), {"halfway"}),
     "one light x 1.6": (with_pictures(one_brighter), {"intensities"}),
-    "one light twice": (with_pictures(one_twice), {"repeated"}),
     "one moved": (with_pictures(one_moved), {"motion"}),
     "half moved": (with_pictures(half_moved), {"motion"}),
     "a third turned": (with_pictures(half_turned), {"turned"}),
@@ -330,6 +329,7 @@ FAULTS = {  # name -> what was done, and the kinds of findings that tell it
     "a third moved": (with_pictures(third_moved), {"motion"}),
     "half turned by a quarter": (with_pictures(half_quarter_turned), {"turned"}),
     "each light off by 5 degrees": (with_lights(shaken), {"lights"}),
+    "one light twice": (with_pictures(one_twice), {"repeated"}),
 }
 JUDGED = {
     "order",

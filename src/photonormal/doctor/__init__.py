@@ -64,10 +64,14 @@ def findings_of(capture: Capture) -> list[Finding]:
             if other and other[0].kind == "encoding":
                 change = from_linear if capture.linearised else to_linear
                 given = given.showing(change(given.levels / given.levels.max()))
-            wrong, given = lights.disagreement(given, mask, names)
-            found += [*wrong, *other]
-            if not other and not cut:  # which change brightnesses by themselves
-                again = [] if wrong else repeated.repeated(given, mask, names)
-                found += again or lights.intensities(given, mask, names)
+            wrong, better = lights.disagreement(given, mask, names)
+            changed = bool(other) or cut  # brightnesses, by themselves
+            known = not wrong or better is not given  # lights that fit
+            twice = repeated.repeated(better, mask, names) if known and not changed else []
+            if twice:  # which no order of the lights mends
+                wrong = [f for f in wrong if f.kind != "order"]
+            found += [*wrong, *other, *twice]
+            if not changed and not twice:
+                found += lights.intensities(better, mask, names)
     found += motion.motion(s.small, s.scale, names)
     return sorted(found, key=lambda f: not f.grave)

@@ -9,6 +9,8 @@ from photonormal.progress import progress
 from photonormal.resources import by_one_thread
 from photonormal.types import Capture
 
+FAR_DEG = 16.0  # in the mean: lights that are 15 degrees off are mended, what is farther off may be something else
+
 
 @by_one_thread()
 def check(capture: Capture, told: FoundLights | None = None) -> list[Finding]:
@@ -38,8 +40,13 @@ def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
         return []
     moved = {name: round(float(v), 1) for name, v in zip(capture.image_names, better.moved_deg, strict=True)}
     worst = max(moved, key=moved.__getitem__)
-    message = (
-        f"the photographs fit lights better that are {better.moved_deg.mean():.1f} degrees from the given ones in the "
-        f"mean, at most {moved[worst]:.1f} ({worst}); measure with --refine-lights."
-    )
+    mean = float(better.moved_deg.mean())
+    where = f"{mean:.1f} degrees from the given ones in the mean, at most {moved[worst]:.1f} ({worst})"
+    if mean > FAR_DEG:
+        message = (
+            f"the photographs fit lights better that are {where}: so far that the given ones may be another capture's, "
+            "or in another order; compare them with the rig."
+        )
+        return [Finding("lights", False, message, {"moved_deg": moved})]
+    message = f"the photographs fit lights better that are {where}; measure with --refine-lights."
     return [Finding("lights", False, message, {"moved_deg": moved}, better.lights, {"refine_lights": True})]

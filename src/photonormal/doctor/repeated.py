@@ -16,6 +16,7 @@ APART_DEG = 10.0  # between given lights, below which pictures are alike anyway
 TELLS = 0.03  # sine of the angle between two pictures from which on the object tells two lights apart
 ALIKE = 0.2  # and of it, as the given lights have it, that is left of pictures under one light: 0.5 of right ones
 AS_ALIKE = 1.5  # times as unlike as the most alike ones
+AS_SHADING = 0.5  # of what two pictures differ by, that another light explains, from which on theirs are two lights
 MOST = 3  # pairs in a message
 
 
@@ -31,6 +32,9 @@ def repeated(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) 
     same = (apart > APART_DEG) & (expected > TELLS) & (shown < ALIKE * expected)
     same &= shown <= AS_ALIKE * np.minimum(nearest, nearest[:, None])  # not those beside one of the two
     same = np.triu(same, 1)
+    shape = raw.fit(L)[0]
+    for i, j in np.argwhere(same):  # lights that are near each other, and given badly, make pictures alike, too
+        same[i, j] = as_shading(raw.I[:, i], raw.I[:, j], shape) < AS_SHADING
     pairs = np.argwhere(same)
     if not len(pairs):
         return []
@@ -47,6 +51,14 @@ def repeated(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) 
         "A lamp fired twice, or did not; choose the other pictures with --images, or photograph these again."
     )
     return [Finding("repeated", True, message, {"pairs": [[names[i], names[j]] for i, j in pairs]})]
+
+
+def as_shading(A: Float[np.ndarray, " p"], B: Float[np.ndarray, " p"], shape: Float[np.ndarray, "p 3"]) -> float:
+    """Part of what two pictures differ by, but for a factor, that a turn of the light over a matt shape explains; of
+    noise it explains next to nothing."""
+    difference = A - (A @ B) / max(float(B @ B), 1e-12) * B
+    turned = shape @ np.linalg.lstsq(shape, difference, rcond=None)[0]
+    return float((turned**2).sum() / max(float((difference**2).sum()), 1e-12))
 
 
 def unlike(A: Float[np.ndarray, "p n"], B: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "n n"]:

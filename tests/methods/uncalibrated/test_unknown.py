@@ -154,3 +154,9 @@ def test_the_doctor_tells_lights_that_are_off_by_some_degrees(tmp_path, capsys):
     assert found[-1].kind == "lights" and said.splitlines()[-1].endswith("--refine-lights --out result")
     told = pn.measure(pn.load(tmp_path / "ball"), "woodham", integration=None, expected_error=False).report
     assert told["warnings"] == [finding.message for finding in found]
+
+
+def test_lights_that_are_off_by_much_more_are_doubted_and_not_mended_unasked():
+    true = lambertian(sphere(64), scattered(20))
+    (found,) = pn.check(replace(true, lights=shaken(true.lights, 20)))
+    assert found.kind == "lights" and found.lights is None and "another capture's" in found.message

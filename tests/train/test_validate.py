@@ -29,8 +29,9 @@ def test_a_recipe_is_examined_by_its_own_exams(monkeypatch):
     assert asked[0][1]["dark"] == 1.0 and asked[1][1]["metal"] is True
 
 
-def test_few_minutes_of_learning_are_examined_by_fewer_windows():
+def test_few_minutes_of_learning_are_examined_by_fewer_windows(monkeypatch):
     """The first of those that others have, as a whole exam takes longer than they do."""
+    monkeypatch.setattr(validate, "BATCHES", 8)
 
     def stream(*given, **options):
         yield from range(100)

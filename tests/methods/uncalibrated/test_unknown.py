@@ -121,7 +121,7 @@ def test_measure_finds_lights_and_says_so(tmp_path, capsys):
     assert "lights: mean" in capsys.readouterr().out
     assert main(["score", "demo", str(out), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["lights"]["mean_deg"] < 15
-    photographs, missing = photographs_of(report_of(out), None, load_normals(out).mask.shape)
+    photographs, missing = photographs_of(report_of(out), out, None, load_normals(out).mask.shape)
     assert missing is None and photographs is not None
     np.testing.assert_allclose(photographs.lights, report["found_lights"]["directions"], atol=1e-5)
 

@@ -39,7 +39,8 @@ def batch(tmp_path, capsys, monkeypatch):
 
     def run(*words, captures=None, command="batch") -> tuple[int, str, str]:
         captures = [tmp_path / "season" / "*"] if captures is None else captures
-        given = [command, *captures, "--out", tmp_path / "results", *WORDS, "--jobs", "1", *words]
+        here = [] if {"--scheduler", "--workers"} & set(words) else ["--jobs", "1"]
+        given = [command, *captures, "--out", tmp_path / "results", *WORDS, *here, *words]
         code = main([str(word) for word in given])
         return code, *capsys.readouterr()
 

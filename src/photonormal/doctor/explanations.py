@@ -19,8 +19,8 @@ from photonormal.srgb import from_linear, to_linear
 
 WIDTHS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)  # of the object, from its middle: distances of lamps that are tried
 NEAR, MIRRORED = 0.89, 0.8  # misfit with near lamps, as part of that with distant ones, and with a mirrored plane
-SHINES = 0.3  # of each pixel's lit samples, the brightest, that may shine, by which near lamps are not told
-BY_NORMALS = 0.93  # misfit with near lamps, as part of that with normals for places
+SHINES = 0.3  # of each pixel's lit samples, the brightest, that may shine and hide near lamps
+BY_NORMALS = 0.965, 0.93  # misfit with near lamps, as part of that with normals for places; and without what shines
 HALFWAY, PARTS_AGREE = 0.3, 5.0  # misfit with twice the zenith angles, and standard errors by which parts agree
 LESS, MORE = 1.7, 2.3  # times the zenith angles: what fits no worse with one of them was no doubling
 BY_FACTORS = 1.05  # misfit with twice the angles, as part of that with a factor for each light
@@ -59,7 +59,8 @@ def explanation(
     if linearised:
         tried.append(_linear_before(pixels, L, before))
     if not isinstance(given, Near):
-        tried += [_near(pixels.duller(SHINES), L), _halfway(pixels, L, before)]
+        near = _near(pixels, L, BY_NORMALS[0]) or _near(pixels.duller(SHINES), L, BY_NORMALS[1])
+        tried += [near, _halfway(pixels, L, before)]
     found = [t for t in tried if t is not None]
     return [min(found, key=lambda t: t[0])[1]] if found else _hardly_differ(given.levels, L)
 
@@ -160,15 +161,11 @@ def _linear_before(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> t
     return gain.left, Finding("encoding", True, message, numbers, options=options)
 
 
-def _near(pixels: MisfitPixels, L: np.ndarray) -> tuple[float, Finding] | None:
+def _near(pixels: MisfitPixels, L: np.ndarray, part: float) -> tuple[float, Finding] | None:
     """Each picture is brighter on its lamp's side, as on a plane under lamps at one distance.
 
     On what is round or domed normals face the lamp on that side, too, and sheen is brighter there: places have to
-    explain more than normals do.
-
-    Parameters
-    ----------
-    pixels : without their brightest samples, which shine
+    explain more than normals do, and leave at most this part of what those leave.
     """
     b, before = pixels.fit(L)
     gains = [pixels.gain(before, pixels.fit(at_distance(pixels.place, L, d))[1]) for d in WIDTHS]
@@ -182,7 +179,7 @@ def _near(pixels: MisfitPixels, L: np.ndarray) -> tuple[float, Finding] | None:
     place = place - place.mean(0)
     place *= np.linalg.norm(pixels.place) / np.linalg.norm(place).clip(1e-9)  # as those of a dome are
     by_normals = min(pixels.gain(before, pixels.fit(at_distance(place, L, d))[1]).left for d in WIDTHS)
-    if gains[k].left > BY_NORMALS * by_normals:
+    if gains[k].left > part * by_normals:
         return None
     message = (
         "the lamps are near: each picture is brighter on its lamp's side, as if lamps were about "

@@ -27,7 +27,7 @@ LISTS = {".csv", ".toml"}
 LONGEST = 2**26  # bytes of a list
 OWN = {"capture", "name"}  # columns of a list that are no options
 NAME = r"(?!.*(^|/)\.)[^\\/\x00-\x1f]+(/[^\\/\x00-\x1f]+)*"
-LONGEST_NAME = 255  # bytes of each part of a name that disks take
+NAME_BYTES = 255  # bytes of each part of a name that disks take
 
 
 @dataclass(frozen=True)
@@ -165,10 +165,10 @@ def _listed(path: Path, kinds: Mapping[str, Any]) -> Iterable[GivenCapture]:
             raise InputError(f"{where} has no `capture` but the path of a folder or an .lp file is needed; add it.")
         capture = beside(path.parent, row["capture"])
         name = spellings(str(row.get("name") or ""))[-1] or capture.name
-        if not re.fullmatch(NAME, name) or any(len(os.fsencode(part)) > LONGEST_NAME for part in name.split("/")):
+        if not re.fullmatch(NAME, name) or any(len(os.fsencode(part)) > NAME_BYTES for part in name.split("/")):
             raise InputError(
                 f"{where} is called {name[:60]!r} but a name for its folder of results is needed, of at most "
-                f"{LONGEST_NAME} bytes; give one."
+                f"{NAME_BYTES} bytes; give one."
             )
         options = {}
         for key, value in row.items():

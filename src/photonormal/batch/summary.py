@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from photonormal.batch.page import page
 from photonormal.batch.row import PAGE, CaptureRow
 from photonormal.batch.state import Failure
 from photonormal.capture.pictures import natural
-from photonormal.export.folder import MARKER, REPORT, report, whole_folder
+from photonormal.export.folder import MARKER, REPORT, report, reported_below, whole_folder
 from photonormal.stored import read_json
 from photonormal.types import InputError
 
@@ -72,10 +71,8 @@ class Summary:
 
     def read_others(self) -> None:
         """Look again what is told of captures that are not this batch's: another may be at work below `out`."""
-        there = sorted(self.out.glob("*/**/" + REPORT)) if os.path.isdir(self.out) else []
-        reports = [p.parent.relative_to(self.out).as_posix() for p in there]
-        for name in reports:
-            if name not in self._names and not any(part.startswith(".") for part in Path(name).parts):
+        for name in [folder.relative_to(self.out).as_posix() for folder in reported_below(self.out)]:
+            if name not in self._names:
                 self.read(name)
                 if (told := self._rows[name]).failure:
                     which = f"{told.failure} It was named in another run: remove {self.out / name} if it is no capture."

@@ -39,7 +39,7 @@ def watch(
     """
     if not folder.is_dir():
         raise InputError(f"{folder} is no folder but one that captures come into is needed; make it first.")
-    if out.exists() and out.samefile(folder):
+    if _same(folder, out):
         raise InputError(f"{folder} is watched, and results in it would be taken for captures; choose another --out.")
     seen: dict[Path, tuple[Files, float]] = {}
     given: dict[Path, Files] = {}

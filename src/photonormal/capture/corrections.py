@@ -22,7 +22,7 @@ from photonormal.files.decode import decode, frame_of, full_scale
 from photonormal.types import Image, InputError
 
 GRAZING = 0.05  # cosine of a light on a board, at least
-MOST_WHITE = 0.05  # part of a flat field that may be as bright as its file can hold: it tells no brightness there
+MOST_WHITE = 0.05  # part of a flat field or board as bright as its file can hold, at most: it tells no brightness there
 LEAST_FLAT = 0.02  # of the flat field's median: darker places hold no light to divide by
 HOT, RATIO = 0.03, 1.5  # of full scale, and times the median of its neighbours: above both a pixel is hot
 

@@ -54,12 +54,13 @@ def explanation(
     pixels = MisfitPixels.of(given.seen(), mask)
     if pixels is None:
         return _hardly_differ(given.levels, L)
-    _, before = pixels.fit(L)
+    fitted = _, before = pixels.fit(L)
     tried = [_staying_on(pixels, L, before, None if linearised else bits, encoded)]
     if linearised:
         tried.append(_linear_before(pixels, L, before))
     if not isinstance(given, Near):
-        near = _near(pixels, L, BY_NORMALS[0]) or _near(pixels.duller(SHINES), L, BY_NORMALS[1])
+        dull = pixels.duller(SHINES)
+        near = _near(pixels, L, fitted, BY_NORMALS[0]) or _near(dull, L, dull.fit(L), BY_NORMALS[1])
         tried += [near, _halfway(pixels, L, before)]
     found = [t for t in tried if t is not None]
     return [min(found, key=lambda t: t[0])[1]] if found else _hardly_differ(given.levels, L)
@@ -161,13 +162,15 @@ def _linear_before(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> t
     return gain.left, Finding("encoding", True, message, numbers, options=options)
 
 
-def _near(pixels: MisfitPixels, L: np.ndarray, part: float) -> tuple[float, Finding] | None:
+def _near(
+    pixels: MisfitPixels, L: np.ndarray, fitted: tuple[np.ndarray, np.ndarray], part: float
+) -> tuple[float, Finding] | None:
     """Each picture is brighter on its lamp's side, as on a plane under lamps at one distance.
 
     On what is round or domed normals face the lamp on that side, too, and sheen is brighter there: places have to
     explain more than normals do, and leave at most this part of what those leave.
     """
-    b, before = pixels.fit(L)
+    b, before = fitted  # under distant lights
     gains = [pixels.gain(before, pixels.fit(at_distance(pixels.place, L, d))[1]) for d in WIDTHS]
     k = int(np.argmin([g.left for g in gains]))
     if not gains[k].below(NEAR):

@@ -31,15 +31,14 @@ def repeated(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) 
     nearest = np.where(np.eye(len(L), dtype=bool), np.inf, shown).min(0)  # (n,)
     same = (apart > APART_DEG) & (expected > TELLS) & (shown < ALIKE * expected)
     same &= shown <= AS_ALIKE * np.minimum(nearest, nearest[:, None])  # not those beside one of the two
-    same = np.triu(same, 1)
-    shape = raw.fit(L)[0]
-    for i, j in np.argwhere(same):  # lights that are near each other, and given badly, make pictures alike, too
-        same[i, j] = as_shading(raw.I[:, i], raw.I[:, j], shape) < AS_SHADING
-    pairs = np.argwhere(same)
-    if not len(pairs):
+    pairs = np.argwhere(np.triu(same, 1)).tolist()
+    if pairs:  # lights that are near each other, and given badly, make pictures alike, too
+        shape = raw.fit(L)[0]
+        pairs = [(i, j) for i, j in pairs if as_shading(raw.I[:, i], raw.I[:, j], shape) < AS_SHADING]
+    if not pairs:
         return []
     off = np.diag(unlike(pixels.I, shaded))  # of each picture, from what its own light makes
-    pairs = pairs[np.argsort((shown / expected.clip(1e-9))[same])].tolist()
+    pairs.sort(key=lambda pair: shown[tuple(pair)] / expected[tuple(pair)])
     said = [
         f"{names[i]} and {names[j]}, whose lights are {apart[i, j]:.0f} degrees apart "
         f"({names[i if off[i] > off[j] else j]} fits its own worse)"

@@ -68,10 +68,10 @@ def encoded(
     white: float = 1.0,
 ) -> Content:
     """The content of a file of that name, as `save` writes it; the albedo is 1 where it is `white`."""
-    from photonormal.export import heights, mesh, normal_maps
+    from photonormal.export import heights, mesh_files, normal_maps
 
     suffix = Path(name).suffix.lower()
-    endings = normal_maps.WRITERS if isinstance(result, Normals) else (*heights.FORMATS, *mesh.FORMATS)
+    endings = normal_maps.WRITERS if isinstance(result, Normals) else (*heights.FORMATS, *mesh_files.FORMATS)
     if suffix not in endings:
         raise InputError(f"{name} ends in {suffix!r} but {', '.join(endings)} can be written; choose one of them.")
     if isinstance(result, Normals):
@@ -79,7 +79,7 @@ def encoded(
         return normal_maps.WRITERS[suffix](result, frame)
     if suffix in heights.FORMATS:
         return heights.encode(result, suffix, mm_per_px)
-    return mesh.encode(result, suffix, normals, albedo, mm_per_px, most_faces, white)
+    return mesh_files.encode(result, suffix, normals, albedo, mm_per_px, most_faces, white)
 
 
 def load_normals(

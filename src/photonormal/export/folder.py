@@ -133,5 +133,11 @@ def result_files(folder: Path) -> list[Path]:
     return [folder / name for name in listed_files(folder) or []]
 
 
+def reported_below(folder: Path) -> list[Path]:
+    """The folders below one that hold a report, of a result or of a capture that failed; hidden ones are left out."""
+    found = sorted(p.parent for p in folder.glob("*/**/" + REPORT)) if os.path.isdir(folder) else []
+    return [p for p in found if not any(part.startswith(".") for part in p.relative_to(folder).parts)]
+
+
 def _size(path: Path) -> int | None:
     return path.stat().st_size if path.is_file() and not path.is_symlink() else None

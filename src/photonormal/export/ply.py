@@ -29,7 +29,7 @@ def ply(
     albedo: np.ndarray | None,
     white: float,
 ) -> Callable[[BinaryIO], None]:
-    """What writes a mesh of every `step`-th row and column into an open file: `photonormal.export.mesh.encode`."""
+    """What writes a mesh of every `step`-th row and column into an open file, as `mesh_files.encode` says."""
     keep = known[::step, ::step]
     has = [
         name for name, there in zip(PROPERTIES, (True, normals is not None, albedo is not None), strict=True) if there

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from photonormal.export.folder import REPORT, listed_files
+from photonormal.export.folder import REPORT, listed_files, reported_below
 from photonormal.handover import FORMATS
 from photonormal.types import InputError, no_such
 from photonormal.view.result import is_result, report_of
@@ -32,7 +32,7 @@ def results_in(places: Sequence[Path]) -> FoundResults:
     found: dict[str, Path] = {}
     without: list[str] = []
     for place in places:
-        below = [] if is_result(place) else sorted(p.parent for p in place.glob("*/**/" + REPORT))
+        below = [] if is_result(place) else reported_below(place)
         if not any(map(is_result, below)):
             report_of(place)  # or it says what the folder lacks
         named = {folder.relative_to(place).as_posix(): folder for folder in below if is_result(folder)}

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from photonormal.capture import files_behind, files_read, load
 from photonormal.capture.assemble import Choice, corrected
+from photonormal.capture.corrections import MOST_WHITE
 from photonormal.capture.encoding import encodings
 from photonormal.capture.exif import exposures
 from photonormal.capture.images import ImageFiles, files_of
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
     from photonormal.doctor.given import Near
 
 REFERENCE_PIXELS = 3000  # of the object that intensities are found from
-WHITE = 0.05  # part of a board that may be as bright as its file can hold
 
 
 def intensities(
@@ -93,7 +93,7 @@ def _by_board(
 
     def level(j: int) -> np.ndarray:
         shown = board.window(j, *box)
-        if board.saturated(j, rows, columns, shown).mean((0, 1)).max() > WHITE:
+        if board.saturated(j, rows, columns, shown).mean((0, 1)).max() > MOST_WHITE:
             raise InputError(
                 f"{paths[j].name} of {place} is white where the board is, so that it doesn't tell how bright its light "
                 "is; expose less, and photograph it again."

@@ -1,11 +1,12 @@
 """The paper's ablations at one small budget: its Tables 1 and 5, its data amounts and PS-FCN, from the same scenes.
 
     python benchmarks/ablations.py OUT [--recipes paper paper-plain] [--minutes 30] [--seeds 1 2] [--windows 6000]
-    python benchmarks/ablations.py OUT --table        the table of all that OUT holds for that many minutes
+    python benchmarks/ablations.py OUT --width 32     the same by networks of half the paper's width, not a quarter
+    python benchmarks/ablations.py OUT --table        the table of all that OUT holds for those minutes and width
     python benchmarks/ablations.py OUT --curves       convergence.png and .pdf in OUT/figures, from the journals
 
-The same for all: a quarter of the width and the minutes, of one processor, validation as it goes counted in. All else
-is each recipe's own. Windows under 64 lights are rendered once into OUT/scenes-NAME (shards, 0.4 MB a window, read
+The same for all: the width and the minutes, of one processor, validation as it goes counted in. All else is each
+recipe's own. Windows under 64 lights are rendered once into OUT/scenes-NAME (shards, 0.4 MB a window, read
 where they lie); each time one comes up, other images of it are shown. For the data amounts `windows` of the stand-ins
 for Blobby and Sculpture are rendered, in the proportion of the sets; a set alone has its own share of them only.
 
@@ -43,7 +44,7 @@ from photonormal.train import checkpoint, train
 from photonormal.train.recipes import RECIPES, Recipe
 from photonormal.train.validate import OBJECTS, examined, on_rendered, real_folder
 
-WIDTH, LIGHTS, DRAWS = 16, 64, 5
+LIGHTS, DRAWS = 64, 5
 VALIDATE = 200  # steps between two points of a curve
 EXAM = replace(RECIPES["paper"], images=(32, 32))
 NAMES = [name for name in RECIPES if name.startswith(("paper", "psfcn")) and not name.endswith("cpu")]
@@ -77,10 +78,10 @@ COLUMNS += ["10 images", "clean", *OBJECTS, "real", "difference", "the paper's",
 Result = dict[str, Any]
 
 
-def at_budget(name: str, seed: int) -> Recipe:
-    """A recipe at a quarter of the width."""
+def at_budget(name: str, seed: int, width: int) -> Recipe:
+    """A recipe at that width."""
     r = RECIPES[name]
-    return replace(r, config=r.config | {"width": WIDTH}, seed=seed, validate=VALIDATE)
+    return replace(r, config=r.config | {"width": width}, seed=seed, validate=VALIDATE)
 
 
 def scenes(out: Path, stream: str, windows: int, device: torch.device) -> list[Path]:
@@ -99,7 +100,7 @@ def scenes(out: Path, stream: str, windows: int, device: torch.device) -> list[P
 
 def learned(name: str, seed: int, given: argparse.Namespace, device: torch.device) -> Network:
     """Train one recipe, or go on with it."""
-    r, out = at_budget(name, seed), folder(given, name, seed)
+    r, out = at_budget(name, seed, given.width), folder(given, name, seed)
     path = train(
         r,
         out,
@@ -113,21 +114,26 @@ def learned(name: str, seed: int, given: argparse.Namespace, device: torch.devic
     return load_network(path, r.network, device)
 
 
+def budget(given: argparse.Namespace) -> dict[str, Any]:
+    """What is the same for all recipes."""
+    return {"minutes": given.minutes, "windows": given.windows, "width": given.width}
+
+
 def folder(given: argparse.Namespace, name: str, seed: int) -> Path:
     """Where a recipe's training lies."""
-    return given.out / f"{name}-{given.minutes:g}-{seed}"
+    return given.out / f"{name}-{given.minutes:g}-{given.width}-{seed}"
 
 
 def exam(name: str, seed: int, net: Network, exams: dict, given: argparse.Namespace, device: torch.device) -> Result:
     """One line of the results."""
     with safe_open(folder(given, name, seed) / f"{name}.safetensors", "pt") as file:
         trained = json.loads(file.metadata()["trained"])
-    with_32, with_10 = (replace(at_budget(name, seed), images=(n, n)) for n in (32, 10))
+    with_32, with_10 = (replace(at_budget(name, seed, given.width), images=(n, n)) for n in (32, 10))
     found = {kind: on_rendered(net, batches, with_32) for kind, batches in exams.items()}
     found |= {"10 images": on_rendered(net, exams["hemisphere"], with_10)}
     found |= {"real": trained["errors"]["real"], "real, 10 images": few_images(net, device)}
     size = {"parameters": parameters(net), "steps": trained["steps"], "batch": trained["recipe"]["batch"]}
-    return {"recipe": name, "seed": seed, "minutes": given.minutes, "windows": given.windows, **size, **found}
+    return {"recipe": name, "seed": seed, **budget(given), **size, **found}
 
 
 def few_images(net: Network, device: torch.device, count: int = 10) -> dict[str, float]:
@@ -196,6 +202,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=30.0)
     parser.add_argument("--seeds", type=int, nargs="+", default=[1])
     parser.add_argument("--windows", type=int, default=6000)
+    parser.add_argument("--width", type=int, default=16, help="channels of each network's first layer; the paper's 64")
     parser.add_argument("--device", default="auto")
     parser.add_argument("--table", action="store_true", help="train nothing")
     parser.add_argument("--curves", action="store_true", help="train nothing; draw the curves of --recipes and --seeds")
@@ -208,8 +215,7 @@ def main() -> None:
         print(*figure("convergence", drawn, given.out / "figures"), sep="\n")
         return
     lines = file.read_text().splitlines() if file.exists() else []
-    same = {"minutes": given.minutes, "windows": given.windows}
-    results = [r for line in lines if same.items() <= (r := json.loads(line)).items()]
+    results = [r for line in lines if budget(given).items() <= (r := json.loads(line)).items()]
     done = {(r["recipe"], r["seed"]) for r in results}
     missing = [(n, s) for s in given.seeds for n in given.recipes if (n, s) not in done and not given.table]
     exams = examined(Stream, device, EXAM) if missing else {}

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from photonormal.shading import cosines, fall_off, over_lights, towards
+from photonormal.shading import cosines, fall_off, half_vectors, over_lights, towards
 
 X = torch.tensor([[0.0, 0, 0], [3, 0, 0]])
 S = torch.tensor([[0.0, 0, 4], [0, 0, 8], [3, 4, 0]])
@@ -32,3 +32,9 @@ def test_lights_of_each_pixel_and_of_all():
     assert torch.allclose(cosines(N, each), cosines(N, L), atol=1e-6)
     assert torch.allclose(over_lights(cosines(N, L), each), cosines(N, L) @ L, atol=1e-5)
     assert torch.allclose(cosines(N[None], each[None])[0], cosines(N, L), atol=1e-6)
+
+
+def test_a_light_from_right_behind_has_nothing_halfway():
+    H = half_vectors(torch.tensor([[0.0, 0, -1], [0, 0, 1], [0.8, 0, 0.6]]))
+    assert H[0].tolist() == [0, 0, 0]
+    assert torch.allclose(H[1:].norm(dim=-1), torch.ones(2))

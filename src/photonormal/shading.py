@@ -61,9 +61,8 @@ def fall_off(
 
 
 def half_vectors(L: Float[Tensor, "*n 3"]) -> Float[Tensor, "*n 3"]:
-    """h = (l + v) / |l + v|, unit, halfway between each light and the view."""
-    H = L + L.new_tensor([0.0, 0.0, 1.0])
-    return H / H.norm(dim=-1, keepdim=True)
+    """h = (l + v) / |l + v|, unit, halfway between each light and the view; zero for a light from right behind."""
+    return normalised(L + L.new_tensor([0.0, 0.0, 1.0]))
 
 
 def shade(rho: Float[Tensor, "*rho"] | float, cos: Float[Tensor, "*pn"]) -> Tensor:

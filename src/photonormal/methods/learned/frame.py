@@ -87,7 +87,7 @@ def tokens(
     I = I.permute(0, 2, 3, 1)
     (x, y, z), cos = cosines(lights, shared.frame)
     nx, nz = (v[..., None].expand_as(x) for v in (shared.frame.x, shared.frame.z))
-    s = torch.rsqrt(2 + 2 * z)  # 1 / |l + v|
+    s = torch.rsqrt((2 + 2 * z).clamp(min=1e-6))  # 1 / |l + v|; a light may come from right behind
     half = (cos + nz) * s  # n.h
     shade = cos.clamp(min=0) / shared.shading[..., None]
     log = torch.log1p(20 * I) / 2 - 1

@@ -1,7 +1,10 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 
 from photonormal.integration import METHODS, integrate
+from photonormal.integration.slopes import Slopes, surface
 from photonormal.types import InputError, Normals
 
 ANY_MASK = ["quadratic", "bilateral"]
@@ -210,3 +213,29 @@ def test_depth_of_real_objects_is_as_good_as_published(data, name, published_mm)
 
     normals, camera, depth_mm = real_object(data, name)
     assert depth_error_mm(integrate(normals, "bilateral", K=camera), depth_mm) <= published_mm
+
+
+def test_memory_is_the_picture_s_however_many_parts_it_has():
+    mask = np.indices((256, 4096)).sum(0) % 2 == 0
+    normals = Normals(np.where(mask[..., None], np.float32([0, 0, 1]), np.float32(0)), mask)
+    z = np.random.default_rng(0).normal(size=mask.shape)
+    tracemalloc.start()
+    depth = surface(z, Slopes(normals, None, 0.05)).depth
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert np.abs(depth[mask]).max() == 0  # of a part of one pixel
+    assert peak < 40 * mask.size
+
+
+def test_each_part_of_a_tile_has_a_mean_of_zero():
+    v, u = np.mgrid[:24, :24] / 24 * 2 * np.pi
+    mask = np.ones((24, 24), bool)
+    mask[:, [8, 13]] = False
+    mask[[5, 20]] = False
+    amount = 2 * np.pi / 24
+    normals = surface_normals(amount * np.cos(u + 0.4) * np.cos(v), amount * np.sin(u + 0.4) * np.sin(v), mask)
+    depth = integrate(normals, "periodic").depth
+    for rows in (range(6, 20), [*range(21, 24), *range(5)]):
+        for columns in (range(9, 13), [*range(14, 24), *range(8)]):
+            part = depth[np.ix_(rows, columns)]
+            assert abs(part.mean()) < 1e-6 < part.std()

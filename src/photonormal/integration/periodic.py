@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from scipy.fft import irfft2, rfft2
+from scipy.ndimage import label
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import connected_components
 
 from photonormal.integration.conjugate import conjugate_gradients
-from photonormal.integration.slopes import steps
+from photonormal.integration.slopes import part_means, steps
 from photonormal.resources import cores
 from photonormal.types import InputError, Normals, Surface
 
@@ -52,7 +55,19 @@ class Periodic:
                 return (gx - np.roll(gx, 1, 1))[1:-1] + gy[1:] - gy[:-1]
 
             z, _ = conjugate_gradients(laplacian, -f, z, lambda r: periodic_poisson(-r), self.tolerance, most=2000)
-        return Surface(np.where(mask, z - z[mask].mean(), np.nan).astype(np.float32), mask)
+        parts = repeated_parts(mask)
+        z -= part_means(parts, lambda y: z[y])[parts]
+        return Surface(np.where(mask, z, np.nan).astype(np.float32), mask)
+
+
+def repeated_parts(mask: Bool[np.ndarray, "h w"]) -> Int[np.ndarray, "h w"]:
+    """Numbers of the connected parts of a tile whose edges meet."""
+    found = np.zeros(mask.shape, np.int32)
+    label(mask, output=found)
+    ends = [(found[:, -1], found[:, 0]), (found[-1], found[0])]
+    a, b = (np.concatenate([end[k][(end[0] > 0) & (end[1] > 0)] for end in ends]) for k in (0, 1))
+    joined = csr_matrix((np.ones(len(a)), (a, b)), (int(found.max()) + 1,) * 2)
+    return connected_components(joined, directed=False)[1][found]
 
 
 def periodic_poisson(f: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:

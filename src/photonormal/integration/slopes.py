@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy.ndimage import label
 
 from photonormal.integration.bands import around, each_band
@@ -129,20 +129,24 @@ def adjacent(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], B
     return mask[:, :-1] & mask[:, 1:], mask[:-1] & mask[1:]
 
 
+def part_means(parts: Int[np.ndarray, "h w"], values: Callable[[slice], np.ndarray]) -> Float[np.ndarray, " parts"]:
+    """The mean of the values of some rows over each numbered part, of which there may be as many as pixels."""
+    total, size = np.zeros((2, int(parts.max()) + 1))
+    for y in range(0, len(parts), ROWS):
+        rows = slice(y, min(y + ROWS, len(parts)))
+        np.add.at(total, parts[rows], values(rows))
+        np.add.at(size, parts[rows], 1)
+    return total / np.maximum(size, 1)
+
+
 def surface(z: Float[np.ndarray, "h w"], slopes: Slopes) -> Surface:
     """The surface of z in the mask's box, which is written over, with the free constant (scale) of each part fixed."""
     mask, f = slopes.mask, slopes.f
     parts = np.zeros(mask.shape, np.int32)
     label(mask, output=parts)  # from 1; 0 is outside
-    count = int(parts.max()) + 1
-
-    def means(values: Callable[[slice], np.ndarray]) -> Float[np.ndarray, " parts"]:
-        sums = each_band(lambda y: np.bincount(parts[y].ravel(), values(y).ravel(), count), *mask.shape)
-        return np.sum(sums, axis=0) / size
-
-    size = np.maximum(np.sum(each_band(lambda y: np.bincount(parts[y].ravel(), None, count), *mask.shape), axis=0), 1)
-    middle = means(lambda y: z[y])
-    scale = np.ones(count) if slopes.K is None else means(lambda y: np.exp((z[y] - middle[parts[y]]) / f))
+    middle, scale = part_means(parts, lambda y: z[y]), np.ones(1)
+    if slopes.K is not None:
+        scale = part_means(parts, lambda y: np.exp((z[y] - middle[parts[y]]) / f))
     depth = np.full(slopes.normals.mask.shape, np.nan, np.float32)
     inside = depth[slopes.box]
 

@@ -19,7 +19,7 @@ def walk(x: float, y: float, shape: tuple[int, int], growth: float) -> Iterator[
     """
     h, w = shape
     done, distance = {(0, 0)}, 1.0
-    while distance < max(h, w):
+    while distance < np.hypot(h, w):
         row, column = round(-y * distance), round(x * distance)
         distance = max(distance * growth, distance + 1)
         if (row, column) in done or abs(row) >= h or abs(column) >= w:

@@ -17,7 +17,7 @@ from photonormal.materials import maps, materials_of
 from photonormal.materials.lobes import samples
 from photonormal.methods import METHODS
 from photonormal.methods.contract import Needs, Solution
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import Camera, Capture, InputError, Lamps, Normals
 from tests.scenes import lambertian, sphere, write_diligent
 
 LIGHTS = fibonacci_hemisphere(120)
@@ -92,8 +92,9 @@ def same(a, b, unit=1.0):
 def test_exposure_changes_the_unit_alone_and_the_order_of_images_nothing():
     capture = shiny(0.35)
     found = materials_of(capture, capture.truth)
-    brighter = replace(capture, images=16 * np.asarray(capture.images))
-    same(found, materials_of(brighter, capture.truth), 16)
+    for exposure in (1e-7, 16, 2**16, 1e8):
+        brighter = replace(capture, images=np.float32(exposure) * np.asarray(capture.images))
+        same(found, materials_of(brighter, capture.truth), exposure)
     order = np.random.default_rng(0).permutation(len(LIGHTS))
     same(found, materials_of(replace(capture, images=capture.images[order], lights=LIGHTS[order]), capture.truth))
 
@@ -138,6 +139,15 @@ def test_a_highlight_whose_middle_is_saturated_is_one():
     whole, told = (middle(materials_of(seen, capture.truth).roughness) for seen in (capture, clipped))
     assert np.isfinite(told).sum() > 0.8 * np.isfinite(whole).sum()
     assert np.nanmedian(np.abs(told - 0.25)) < 0.03
+
+
+def test_saturated_samples_do_not_count_under_near_lamps_either():
+    capture = shiny(0.25)
+    clipped = replace(
+        capture, images=np.asarray(capture.images).clip(max=0.6), saturation=np.full((len(LIGHTS), 3), 0.6)
+    )
+    near = replace(clipped, lamps=Lamps(1e6 * LIGHTS), camera=Camera(1.0))  # but far enough to be distant
+    same(materials_of(clipped, capture.truth), materials_of(near, capture.truth))
 
 
 def test_a_channel_that_is_saturated_leaves_what_the_others_tell():

@@ -104,8 +104,8 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     kept[rows.start - around.start : rows.stop - around.start] = True
     kept, mine = kept & on, torch.from_numpy(kept[on])
     for map, values in (
-        (found.albedo, rho),
-        (found.specular, F0),
+        (found.albedo, rho * seen[0].unit),
+        (found.specular, F0 * seen[0].unit),
         (found.roughness, roughness),
         (found.metalness, metal),
     ):
@@ -114,8 +114,9 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
 
 @dataclass(frozen=True)
 class SeenPixels:
-    """Radiance, normals and lights of some pixels, and which samples are saturated, or nearly."""
+    """Radiance in a unit of its own, normals and lights of some pixels, and which samples are saturated, or nearly."""
 
+    unit: float
     I: Float[Tensor, "p n c"]
     N: Float[Tensor, "p 3"]
     L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"]
@@ -134,6 +135,8 @@ def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> It
     for j in range(I.shape[1]):
         if (told := saturated_in(capture.images, j, rows, columns)) is not None:
             white[:, j] = torch.from_numpy(told[on])
+    unit = max(float(I.mean()), 0) or 1.0
+    I /= unit
     N = torch.from_numpy(normals.map[rows, columns][on])
     numbers = int(np.count_nonzero(capture.mask[: rows.start])) + np.flatnonzero(on[asked])  # on the capture's mask
     lights = torch.from_numpy(capture.known_lights().astype(np.float32))
@@ -141,7 +144,7 @@ def _seen(capture: Capture, normals: Normals, rows: slice, columns: slice) -> It
         part = slice(first, first + PIXELS)
         if capture.lights_at is not None:
             lights = torch.from_numpy(np.asarray(capture.lights_at[numbers[part]], np.float32))
-        yield SeenPixels(I[part], N[part], lights, white[part])
+        yield SeenPixels(unit, I[part], N[part], lights, white[part])
 
 
 def _roughness(seen: list[SeenPixels], where: Bool[Tensor, "h w"], channels: int) -> Float[Tensor, " p"]:

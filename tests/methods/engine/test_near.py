@@ -98,3 +98,9 @@ def test_rotations_take_views_to_z():
 def test_near_lights_without_positions_are_refused():
     with pytest.raises(InputError, match="no positions of its lights"):
         near.near(replace(hill(), lamps=None))
+
+
+def test_black_pictures_are_called_dark():
+    capture = hill(size=16)
+    with pytest.raises(InputError, match="inside the mask are dark"):
+        solve(replace(capture, images=np.zeros(capture.images.shape, np.float32)), "woodham", device="cpu")

@@ -268,3 +268,29 @@ def test_a_second_pass_starts_from_what_the_first_one_found():
     assert apart_deg(measure(net, capture, CPU), measure(net, capture, CPU, passes=3)) < 0.01
     with pytest.raises(InputError, match="0 passes came"):
         measure(net, capture, CPU, passes=0)
+
+
+@pytest.mark.parametrize("kind", ["lambertian-prior", "gps-net"])
+def test_samples_that_are_no_numbers_are_black(kind):
+    capture, _ = sphere()
+    images = np.array(capture.images)
+    images[3, 30, 30], images[4, 40, 40] = np.nan, np.inf
+
+    class Pictures:
+        shape = images.shape
+
+        def __getitem__(self, j):
+            return images[j]
+
+    black = replace(capture, images=np.where(np.isfinite(images), images, 0))
+    found, wanted = (stream.measured(network(kind), c, CPU) for c in (replace(capture, images=Pictures()), black))
+    assert torch.equal(found.normals, wanted.normals)
+
+
+def test_a_light_from_right_behind_leaves_numbers():
+    capture, _ = sphere()
+    L = np.concatenate([capture.known_lights(), [[0, 0, -1]]])
+    images = np.asarray(capture.images)
+    images = np.concatenate([images, np.zeros_like(images[:1])])
+    found = stream.measured(network("normalnet"), replace(capture, images=images, lights=L, image_names=()), CPU)
+    assert torch.allclose(found.normals.norm(dim=1), torch.ones(1), atol=1e-3)

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from photonormal.integration import integrate
 from photonormal.methods.contract import Solution
-from photonormal.methods.engine import on_mask
+from photonormal.methods.engine import not_dark, on_mask
 from photonormal.shading import FAINT, fall_off, towards
-from photonormal.types import Camera, Capture, Image, Images, InputError, Lamps, LightsAt, Normals, window_of
+from photonormal.types import Camera, Capture, Image, InputError, Lamps, LightsAt, Normals
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class UnderLamps:
         still_mm = self.settled * mean_distance(lamps, X)
         found = self.at(capture, X)
         for _ in range(self.rounds - 1):
-            before, X = X, surface_mm(capture, on_mask(found, capture))
+            before, X = X, surface_mm(capture, on_mask(not_dark(found, capture), capture))
             if np.sqrt(((X - before) ** 2).sum(-1).mean()) < still_mm:
                 break
             found = self.at(capture, X)
@@ -89,7 +89,7 @@ def evened(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:
     """
     lamps, camera = near(capture)
     arriving = Arriving(lamps, X, mean_distance(lamps, camera.flat_mm(capture.mask)))
-    images = Evened(capture.images, capture.mask, arriving)
+    images = Evened(capture, arriving)
     return replace(capture, images=images, lamps=None, lights_at=arriving, saturation=None)
 
 
@@ -132,19 +132,23 @@ class TurnedLights:
 class Evened:
     """Pictures divided by the light that arrives (`photonormal.types.Images`); zero where none does."""
 
-    def __init__(self, images: Images, mask: np.ndarray, arriving: Arriving):
-        self.mask, self.arriving, self.shape = mask, arriving, images.shape
-        self.images = images
+    def __init__(self, capture: Capture, arriving: Arriving):
+        self.capture, self.arriving, self.shape = capture, arriving, capture.images.shape
+        mask = capture.mask
         self.number = np.cumsum(mask, dtype=np.int64).reshape(mask.shape) - 1  # of each pixel on the mask
 
     def window(self, j: int, rows: slice, columns: slice) -> Image:
         """A part of one picture."""
-        inside = self.mask[rows, columns]
-        part = window_of(self.images, j, rows, columns)
+        inside = self.capture.mask[rows, columns]
+        part = self.capture.window(j, rows, columns)
         e = self.arriving.light(j, self.number[rows, columns][inside])
         found = np.zeros(part.shape, np.float32)
         found[inside] = part[inside] * np.where(e > FAINT, 1 / np.maximum(e, FAINT), 0)[:, None]
         return found
+
+    def saturated(self, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"]:
+        """Where the pictures were it before they were divided."""
+        return self.capture.saturated(j, rows, columns, self.capture.window(j, rows, columns))
 
     def __getitem__(self, j: int, /) -> Image:
         return self.window(j, slice(None), slice(None))

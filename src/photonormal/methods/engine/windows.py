@@ -33,9 +33,10 @@ class Box:
         return Box(rows.start, columns.start, mask)
 
     def read(self, capture: Capture, j: int, seen: Span) -> Float[Tensor, "1 1 c h w"]:
-        """A part of the box of picture `j`; zero where it reaches beyond the frame, and where samples are below zero.
+        """A part of the box of picture `j`; zero where it reaches beyond the frame, and where samples are no numbers or
+        below zero.
 
-        They are once an ambient picture was subtracted: no light, and noise.
+        They are that once an ambient picture was subtracted: no light, and noise.
         """
         rows, columns = seen
         part = capture.window(
@@ -45,7 +46,7 @@ class Box:
         )
         found = torch.zeros(1, 1, part.shape[2], rows.stop - rows.start, columns.stop - columns.start)
         found[0, 0, :, : part.shape[0], : part.shape[1]] = torch.from_numpy(part).permute(2, 0, 1)
-        return found.clamp_(min=0)
+        return found.nan_to_num_(0, 0, 0).clamp_(min=0)
 
     def lights(self, capture: Capture, seen: Span) -> Float[Tensor, "n 3 *hw"]:
         """Light directions (n, 3), or (n, 3, h, w): those that each pixel of a part of the box sees."""

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,17 @@ def test_integers_are_one_at_full_scale():
 @pytest.mark.parametrize("mask", [TRUTH.mask * 255, TRUTH.mask.astype(np.uint8), TRUTH.mask.astype(float)])
 def test_masks_of_numbers(mask):
     assert (Capture(IMAGES, mask, LIGHTS).mask == TRUTH.mask).all()
+
+
+@pytest.mark.parametrize("method", ["woodham", "lmps", "normalnet"])
+@pytest.mark.parametrize("exposure", [1e-25, 1e20])
+def test_samples_of_any_size(method, exposure):
+    images = np.float32(exposure) * IMAGES
+    images[:, ~TRUTH.mask] = np.finfo(np.float32).max  # beside the object
+    capture = Capture(images, TRUTH.mask, LIGHTS)
+    assert "all were divided by that" in capture.notes[0]
+    bright = replace(PLAIN, images=IMAGES / IMAGES.max())
+    assert angle_deg(pn.solve(capture, method).map, pn.solve(bright, method).map)[TRUTH.mask].max() < 0.01
 
 
 def test_what_is_no_number_is_dark_and_what_is_infinite_is_bright():

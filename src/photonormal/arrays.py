@@ -8,6 +8,8 @@ import numpy as np
 
 from photonormal.errors import InputError
 
+UNITS = 1e-6, 1e12  # of the brightest sample, in which single precision holds what is made of squares of samples
+
 
 def as_array(value: Any, what: str) -> np.ndarray:
     """Numbers in an array; InputError where there is none."""
@@ -51,6 +53,15 @@ def as_images(value: Any) -> tuple[Any, np.ndarray | None]:
         return images, None
     images = np.nan_to_num(images, nan=0, posinf=images.max(where=known, initial=0), neginf=0)
     return images, np.asarray(~known.all(axis=(0, 3)))
+
+
+def unit_of(images: Any, mask: np.ndarray) -> float:
+    """What pictures are to be divided by: 1, or in an array whose samples are beyond UNITS the mask's brightest."""
+    least, most = UNITS
+    if not isinstance(images, np.ndarray) or least <= images.max() <= most:
+        return 1.0
+    brightest = float(images.max(where=mask[..., None], initial=0))
+    return 1.0 if least <= brightest <= most or brightest == 0 else brightest
 
 
 def as_mask(value: Any, shape: tuple[int, int]) -> np.ndarray:

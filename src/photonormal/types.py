@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.arrays import as_array, as_images, as_mask
+from photonormal.arrays import as_array, as_images, as_mask, unit_of
 from photonormal.errors import InputError as InputError
 from photonormal.errors import MachineLimit as MachineLimit
 from photonormal.errors import code_of_others as code_of_others
@@ -155,6 +155,13 @@ class Capture:
             object.__setattr__(self, "notes", (*self.notes, note))
         if not self.mask.any():
             raise InputError("the mask is empty but at least one pixel must be on the object; white marks the object.")
+        if (unit := unit_of(images, self.mask)) != 1:
+            with np.errstate(over="ignore"):  # beside the object
+                object.__setattr__(self, "images", images / np.float32(unit))
+            if self.saturation is not None:
+                object.__setattr__(self, "saturation", self.saturation / unit)
+            note = f"the brightest sample is {unit:.3g}; all were divided by that, and the albedo is in this unit."
+            object.__setattr__(self, "notes", (*self.notes, note))
         if not self.image_names:
             object.__setattr__(self, "image_names", tuple(f"image {j + 1}" for j in range(n)))
         if len(self.image_names) != n:

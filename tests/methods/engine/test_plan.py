@@ -37,6 +37,14 @@ def test_a_window_fits_into_its_share(allow, rotations):
     assert sides == sorted(sides) and sides[-1] == plan.SIDE["cpu"]
 
 
+def test_a_window_has_room_for_each_pixel_s_lights(allow):
+    net = configure("psfcn").network()
+    allow(8e9)
+    (side, _), _ = plan.tile(net, 1, 1, CPU, LARGE, 100, near=True)
+    assert (plan.SEEN + 100 * 36) * (side + 2 * net.reach) ** 2 <= plan.WINDOW * 8e9
+    assert side < plan.tile(net, 1, 1, CPU, LARGE, 100)[0][0]
+
+
 @pytest.mark.parametrize("rotations", [1, 4])
 def test_rows_of_a_network_that_sees_pixels_fit_into_their_share(allow, rotations):
     net = configure("normalnet").network()

@@ -16,6 +16,7 @@ SIDE = {"cpu": 2048, "cuda": 1024}  # of a window in pixels, without its margins
 LEAST = 64  # pixels of a window's side, at least
 WINDOW = 2 / 3  # of the memory, at most
 SEEN = 3328  # bytes that a network holds for each pixel that it looks at, in each quarter turn
+LIGHT = 36  # bytes of each light of such a pixel, where they differ from pixel to pixel
 SAMPLE = 8  # bytes of each sample of such a pixel, where a network is shown all at once
 KEPT = 896  # bytes of each pixel of the rows that a network sees by their pixels and then looks around in, each turn
 BAND = 2368  # bytes of each pixel of such rows while they are read
@@ -46,20 +47,27 @@ def pixels(capture: Capture) -> int:
 
 
 def tile(
-    net: Network, passes: int, rotations: int, device: torch.device, box: tuple[int, ...], n: int, side: int = 0
+    net: Network,
+    passes: int,
+    rotations: int,
+    device: torch.device,
+    box: tuple[int, ...],
+    n: int,
+    side: int = 0,
+    near: bool = False,
 ) -> tuple[tuple[int, int], int]:
     """Size of a window (h, w) without its margins, and its rows that are looked at together; InputError if none fits.
 
     All are multiples of the network's stride. On a processor they are what the memory allows; other devices have their
     own. A network that sees pixels by themselves has windows as high as the box, as wide if it can. `side`: of a window
-    and of such rows, in place of what fits.
+    and of such rows, in place of what fits. `near`: each pixel has lights of its own.
     """
     beside = memory.held() + LOADED + (MASKS if lies_aside(box, device) else FOUND) * box[0] * box[1]
     if isinstance(net, PixelNetwork):
         wide, band = (side, block(box, net.stride)) if side else _band(net, passes, rotations, device, box, n, beside)
         return (box[0], _down(wide, net.stride)), band
     most, margin = SIDE.get(device.type, SIDE["cuda"]), 2 * passes * net.reach
-    each, free = rotations * SEEN, int(min(WINDOW * memory.allowed(), memory.allowed() - beside))
+    each, free = rotations * SEEN + near * n * LIGHT, int(min(WINDOW * memory.allowed(), memory.allowed() - beside))
     if not side and device.type == "cpu" and each * box[0] * box[1] > free:
         least = min((LEAST + margin) ** 2, box[0] * box[1])
         _refuse(

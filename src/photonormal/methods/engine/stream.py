@@ -77,7 +77,8 @@ def measured(
     with torch.inference_mode():
         # each pass reaches as far into what the pass before has found
         asked, margin = box.rows(rows), passes * net.reach
-        tile, band = plan.tile(net, passes, rotations, device, box.mask.shape, capture.images.shape[0], side)
+        near, n = capture.lights_at is not None, capture.images.shape[0]
+        tile, band = plan.tile(net, passes, rotations, device, box.mask.shape, n, side, near)
         windows = box.windows(tile, margin, asked)
         look = first_look(net.scaling, capture, box, device, start, rows_seen(windows))
         found, tells = Maps(4, box.mask.shape, torch.device("cpu")), False

@@ -8,7 +8,7 @@ import pytest
 import photonormal as pn
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.materials import interreflections
-from photonormal.materials.exchange import form_factors
+from photonormal.materials.exchange import form_factors, shadows
 from photonormal.materials.interreflections import brightening
 from photonormal.methods.albedo import lambertian_albedo
 from photonormal.types import Capture, Normals, Surface
@@ -106,6 +106,15 @@ def test_form_factors_in_a_bowl_add_up_to_its_share_of_the_sphere(share):
     assert total[0].max() < 0.01
     parts[:, 24:] = 2  # of one half the depth of the other is not known
     assert not form_factors(surface.depth, capture.truth.map, parts)[parts.ravel() == 1][:, parts.ravel() == 2].nnz
+
+
+def test_a_wall_shades_its_own_part_alone():
+    height, low = np.zeros((1, 20)), np.array([[0.8, 0, 0.6]])  # light from the right: shadows go to the left
+    height[0, 12] = 6.0
+    parts = np.ones((1, 20), int)
+    assert shadows(height, parts, low)[:, 0].nonzero()[0].tolist() == [5, 6, 7, 8, 9, 10, 11]
+    parts[0, :8], parts[0, 8] = 2, 0  # what stands beside it has a height of its own
+    assert shadows(height, parts, low)[:, 0].nonzero()[0].tolist() == [8, 9, 10]  # pixels 9 to 11
 
 
 def test_reading_some_rows_at_a_time_changes_nothing(monkeypatch):

@@ -60,15 +60,15 @@ def _integral(along: np.ndarray, up: np.ndarray, e: np.ndarray) -> np.ndarray:
 
 
 def shadows(
-    height: Float[np.ndarray, "h w"], on: Bool[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"]
+    height: Float[np.ndarray, "h w"], parts: Int[np.ndarray, "h w"], L: Float[np.ndarray, "n 3"]
 ) -> Bool[np.ndarray, "p n"]:
-    """Where the surface stands in the way of each light."""
-    z = np.where(on, height, -np.inf)
-    found = np.zeros((len(L), *on.shape), bool)
+    """Where the surface stands in the way of each light; parameters as above. Of other parts nothing is known."""
+    found = np.zeros((len(L), *parts.shape), bool)
     for l, hidden in zip(L, found, strict=True):
         flat = float(np.hypot(l[0], l[1]))
         if flat == 0:
             continue
-        for here, there, distance in walk(l[0] / flat, l[1] / flat, on.shape, GROWTH):
-            hidden[here] |= z[there] > z[here] + (THICK + distance * l[2] / flat)
-    return found[:, on].T
+        for here, there, distance in walk(l[0] / flat, l[1] / flat, parts.shape, GROWTH):
+            above = height[there] > height[here] + (THICK + distance * l[2] / flat)
+            hidden[here] |= above & (parts[here] == parts[there])
+    return found[:, parts > 0].T

@@ -103,7 +103,7 @@ def brightening(
 
     They tell it where shadows show more light than what comes from everywhere, in the way that the surface found
     explains. The surface is taken for matt, and what lies behind it or outside the frame for black. The depth of parts
-    that do not touch is not known, so that no light passes between them.
+    that do not touch is not known, so that no light passes between them, and no shadow.
     """
     capture = seen_as_distant(capture, normals)
     box = box_of(normals.mask)
@@ -121,7 +121,7 @@ def brightening(
 def _factors(patches: Patches) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " c"]] | None:
     """Measured over true albedo, and the exposure; None where it is not told."""
     S = patches.cos.clip(0)
-    hidden = shadows(patches.height, patches.on, patches.L)
+    hidden = shadows(patches.height, patches.parts, patches.L)
     dark = (patches.cos < -STEEPEST) | (hidden & (patches.cos > STEEPEST))  # (p, n)
     if np.count_nonzero(dark) < SAMPLES:
         return None

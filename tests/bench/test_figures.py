@@ -36,6 +36,13 @@ def trainings(tmp_path):
     return tmp_path
 
 
+def test_a_folder_may_have_an_equals_sign_in_its_name(trainings):
+    folder = trainings / "lr=0.1"
+    shutil.copytree(trainings / "prior", folder)
+    drawn = convergence(Wish((str(folder), f"b=1={trainings / 'noprior'}")))
+    assert [line.get_label() for line in drawn.axes[0].lines] == ["lr=0.1", "b=1"]
+
+
 @pytest.mark.parametrize("name", FIGURES)
 def test_every_figure_is_a_png_and_a_pdf(pair, trainings, tmp_path, run, name):
     places = [trainings / "prior", f"none={trainings / 'noprior'}"] if name == "convergence" else [pair]

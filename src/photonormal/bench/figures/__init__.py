@@ -48,6 +48,12 @@ class Wish:
             raise InputError(f"{len(self.places)} folders came but one folder of runs is needed; give that alone.")
         return Path(self.places[0])
 
+    @property
+    def labelled(self) -> list[tuple[str, Path]]:
+        """The folders with their labels, "" where none was given: what exists as it is written has none."""
+        parted = [("", "", place) if Path(place).exists() else place.rpartition("=") for place in self.places]
+        return [(label, Path(folder)) for label, _, folder in parted]
+
 
 def figure(
     name: str,
@@ -85,7 +91,7 @@ def figure(
     from photonormal.disk import at_once, refuse_taken
 
     wish = Wish(tuple(str(p) for p in places), dataset, tuple(methods), tuple(objects), limit_deg)
-    folder = Path(out) if out is not None else Path(wish.places[0].rpartition("=")[2]) / "figures"
+    folder = Path(out) if out is not None else wish.labelled[0][1] / "figures"
     refuse_taken([folder / f"{name}.{ending}" for ending in ENDINGS], overwrite or out is None)
     with style_context(STYLE):
         drawn = draw(lookup(FIGURES[name]), wish)

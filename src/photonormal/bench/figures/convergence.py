@@ -36,12 +36,10 @@ PANELS = {  # kind of entry -> its figure and the panel's title; those that a jo
 def convergence(wish: Wish) -> Figure:
     """One line for each training, one panel for each kind of error."""
     journals = {}
-    for place in wish.places:
-        label, _, folder = place.rpartition("=")
-        path = Path(folder)
+    for label, path in wish.labelled:
         label = label or path.resolve().name
         if label in journals:
-            raise InputError(f"two trainings are called {label!r}; name them apart: LABEL={folder}.")
+            raise InputError(f"two trainings are called {label!r}; name them apart: LABEL={path}.")
         journals[label] = read_journal(path)
     kinds = [k for k in PANELS if any(k in j for j in journals.values())]
     if not kinds:

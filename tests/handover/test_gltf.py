@@ -149,6 +149,14 @@ def test_pictures_are_as_large_as_was_asked_for(measured, found, tmp_path, capsy
     assert np.array_equal(small.attribute("POSITION"), full.attribute("POSITION"))
 
 
+def test_what_is_one_pixel_wide_has_no_triangle(measured, tmp_path, refused):
+    shutil.copytree(measured / "r", tmp_path / "r")
+    depth = dict(np.load(tmp_path / "r" / "depth.npz"))
+    depth["mask"][:, np.arange(depth["mask"].shape[1]) != 24] = False
+    np.savez(tmp_path / "r" / "depth.npz", **depth)
+    refused("--to", "gltf", "--out", tmp_path / "a.glb", result=tmp_path / "r", says="too narrow for a mesh")
+
+
 def test_what_has_no_surface_is_refused(measured, tmp_path, refused):
     refused("--to", "gltf", "--out", tmp_path / "a.gltf", says=".glb")
     refused("--to", "gltf", "--out", tmp_path / "a.glb", "--texture", "8", says="16 to 16384")

@@ -56,7 +56,7 @@ def export_gltf(
     Raises
     ------
     InputError
-        If the folder is no result with depth and albedo, or the file can't be written.
+        If the folder is no result with depth and albedo, it has no triangle, or the file can't be written.
     """
     if not SMALLEST <= texture <= LARGEST:
         raise InputError(f"--texture {texture} came but {SMALLEST} to {LARGEST} pixels are needed; choose so many.")
@@ -77,6 +77,11 @@ def encoded(found: Relief, most_faces: int = FACES, texture: int = TEXTURE) -> I
     box = box_of(found.known, MARGIN)
     some = found.part(slice(0, None, step), slice(0, None, step))
     keep = some.known
+    corners = faces(keep).astype(np.uint32)
+    if not len(corners):
+        raise InputError(
+            "the object is too narrow for a mesh, of which the format needs one triangle at least; choose --to maps."
+        )
     N = normalised(some.normals[keep].astype(np.float64))
     T = _tangents(N)
     buffer = Buffer()
@@ -87,7 +92,7 @@ def encoded(found: Relief, most_faces: int = FACES, texture: int = TEXTURE) -> I
             "TANGENT": buffer.array(np.concatenate([T, np.ones((len(T), 1))], 1).astype(np.float32), VERTICES),
             "TEXCOORD_0": buffer.array(_coordinates(keep, step, box), VERTICES),
         },
-        "indices": buffer.array(faces(keep).astype(np.uint32).reshape(-1, 1), INDICES),
+        "indices": buffer.array(corners.reshape(-1, 1), INDICES),
     }
     grid = np.zeros((*keep.shape, 2, 3), np.float32)
     grid[keep] = np.stack([N, T], axis=1)

@@ -2,6 +2,8 @@
 
 import base64
 import re
+import shlex
+import time
 import zlib
 
 import numpy as np
@@ -14,6 +16,8 @@ from photonormal.types import InputError
 from photonormal.view.marking import SIDE, MarkedOutline, Marking, Marks
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
 from tests.calibration.chrome import dome, highlight_at, write_pictures
+from tests.capture.test_orientation import SHOWN, STORED
+from tests.capture.test_orientation import capture as held_upright
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 L = dome(10)
@@ -74,6 +78,17 @@ def test_a_sphere_gives_lights_that_measure_finds(folder):
     assert Marking(folder).about()["left_out"] == [3]
 
 
+def test_a_mask_that_was_drawn_on_what_viewers_show_is_turned_back(tmp_path):
+    (tmp_path / "held").mkdir()
+    assert (Marking(held_upright(tmp_path / "held", SHOWN[6], 4 * [6])).mask == STORED).all()
+
+
+def test_the_next_command_can_be_copied(tmp_path):
+    write_pictures(tmp_path / "a bowl's", photographs())
+    said = Marking(tmp_path / "a bowl's").save(Marks(mask=packed(disc((380, 480), *DISC)), sphere=MarkedOutline(*BALL)))
+    assert shlex.split(said["next"])[2] == str(tmp_path / "a bowl's")
+
+
 def test_large_photographs_are_reduced_and_marks_are_not(tmp_path):
     write_pictures(tmp_path / "large", list(photographs(4))[:5])
     marking = Marking(tmp_path / "large")
@@ -81,6 +96,8 @@ def test_large_photographs_are_reduced_and_marks_are_not(tmp_path):
     x, y, r = 4 * (BALL[0] + 0.5) - 0.5, 4 * (BALL[1] + 0.5) - 0.5, 4 * BALL[2]
     seen = marking.sphere(MarkedOutline(x, y, r))
     assert angle_deg(np.array(seen["lights"]), L[:5]).max() < 1.5
+    with pytest.raises(InputError, match=r"of large at 1/2 of its size"):
+        marking.sphere(MarkedOutline(680, 680, 240))  # of the matt bowl
     marking.save(Marks(mask=packed(disc(marking.shown, 300, 300, 200)), sphere=MarkedOutline(x, y, r)))
     capture = load(tmp_path / "large")
     assert (capture.mask ^ disc(capture.mask.shape, 600.5, 600.5, 400)).sum() < 2000
@@ -214,6 +231,39 @@ def test_by_keys_alone(marked, folder):
             break
     b.keys("Enter")
     assert "mask.png" in b.wait("return document.body.dataset.saved")
+
+
+def test_a_stroke_lies_where_the_brush_is(marked):
+    inside = marked.run(
+        "brush.fill(() => 0); brush.stroke([100, 80], [100, 80], 21, true); const w = brush.canvas.width, found = [];"
+        "brush.inside().forEach((v, i) => v && found.push([i % w, Math.floor(i / w)])); return found"
+    )
+    assert np.allclose(np.mean(inside, axis=0), [100, 80], atol=0.05) and abs(len(inside) - np.pi * 10.5**2) < 12
+
+
+def test_what_comes_late_is_not_shown(marked):
+    b = marked
+    b.run("""
+        const real = fetch;
+        window.fetch = async (path, what) => {
+            const answer = await real(path, what);
+            if (path !== "picture/2") await new Promise((done) => setTimeout(done, 500));
+            return answer;
+        };
+        mark.sphere = { x: 400, y: 300, r: 45 };
+        mark.look(0);
+        mark.show(1);
+        mark.show(2).then(() => { window.second = mark.photograph; });
+        setTimeout(() => document.getElementById("unsphere").click(), 100);""")
+    b.wait("return window.second")
+    time.sleep(1)
+    assert b.run("return mark.photograph === window.second && mark.found === null")
+
+
+def test_a_photograph_that_is_gone_is_named(marked, folder):
+    (folder / marked.run("return data.names[3]")).unlink()
+    marked.run("mark.show(3)")
+    assert "is missing" in marked.wait("return document.getElementById('trouble').textContent")
 
 
 def test_on_a_phone(served, folder, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import shlex
 import zlib
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from photonormal.calibration.sphere import Sphere, look_at_spheres
 from photonormal.calibration.survey import Photograph
 from photonormal.capture import CROP, load, own_crop
 from photonormal.capture.images import ImageFiles, read_mask
+from photonormal.capture.orientation import read_drawn
 from photonormal.capture.pictures import find_mask
 from photonormal.crop import Crop
 from photonormal.disk import at_once
@@ -156,7 +158,7 @@ class Marking:
     def _next(self, content: dict[str, bytes]) -> str:
         if not self.lights and not any(name.lower().endswith(".lp") for name in content):
             return "The folder has no lights yet: mark a sphere, or add light_directions.txt."
-        return f"photonormal measure {self.folder} --out result"
+        return f"photonormal measure {shlex.quote(str(self.folder))} --out result"
 
     def _lp(self) -> str:
         """The name of the folder's own .lp file, since only one can be read."""
@@ -169,13 +171,20 @@ class Marking:
         return found[0] if len(found) == 1 else "lights.lp"
 
     def _look(self, circles: list[Circle], read: Photograph, shape: tuple[int, ...]) -> Sphere:
-        return look_at_spheres(read, shape[:2], self.names, self.folder.resolve().name, circles=circles)[0]
+        where = self.folder.resolve().name
+        if shape[:2] != self.images.shape[1:3]:
+            where += f" at 1/{self.step} of its size"  # in whose pixels it is told what is wrong
+        return look_at_spheres(read, shape[:2], self.names, where, circles=circles)[0]
 
     def _suggested(self) -> tuple[np.ndarray, str]:
         """The folder's mask, one from the shading, or the whole frame; and which of them it is."""
         path = find_mask(self.folder)
         if path is not None:
-            return means(read_mask(path, self.images.shape[1:3]).astype(np.float32), self.step) > 0.5, path.name
+            try:
+                mask = read_drawn(path, self.paths)[0]
+            except InputError:  # it fits as it is and turned: it is painted anew here, if need be
+                mask = read_mask(path, self.images.shape[1:3])
+            return means(mask.astype(np.float32), self.step) > 0.5, path.name
         try:
             return mask_from_shading(np.stack(evenly(self.grey, MASK_PICTURES)).astype(np.float32)), "found"
         except InputError:

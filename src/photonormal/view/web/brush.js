@@ -34,15 +34,15 @@ const brush = {
   },
 
   stroke([x0, y0], [x1, y1], width, paint) {
-    // on the object, or off it
+    // on the object, or off it; pixel centres are whole numbers
     const { pen } = this;
     pen.globalCompositeOperation = paint ? "destination-out" : "source-over";
     pen.strokeStyle = "rgb(20, 40, 130)";
     pen.lineWidth = width;
     pen.lineCap = "round";
     pen.beginPath();
-    pen.moveTo(x0, y0);
-    pen.lineTo(x1 + 1e-3, y1);
+    pen.moveTo(x0 + 0.5, y0 + 0.5);
+    pen.lineTo(x1 + 0.5 + 1e-3, y1 + 0.5);
     pen.stroke();
     pen.globalCompositeOperation = "source-over";
   },

@@ -17,6 +17,7 @@ const mark = {
   left_out: new Set(data.left_out),
   sphere: null,
   found: null,
+  asks: 0,
   crop: data.crop && data.crop.map((v) => v / data.step),
   cursor: null,
   down: false,
@@ -43,11 +44,14 @@ const mark = {
   },
 
   async show(j) {
-    this.shown = (j + data.names.length) % data.names.length;
-    at("shown").value = this.shown;
-    const bytes = await source(`picture/${this.shown}`).catch((error) => this.trouble(error.message));
-    if (bytes) this.photograph = await createImageBitmap(new Blob([bytes], { type: "image/webp" }));
+    const now = (j + data.names.length) % data.names.length;
+    this.shown = now;
+    at("shown").value = now;
     this.pictures();
+    const bytes = await source(`picture/${now}`).catch((error) => this.trouble(error.message));
+    const photograph = bytes && (await createImageBitmap(new Blob([bytes], { type: "image/webp" })));
+    if (this.shown !== now) return; // another one was chosen meanwhile
+    this.photograph = photograph;
     this.draw();
   },
 
@@ -215,16 +219,18 @@ const mark = {
     this.numbers();
     this.draw();
     clearTimeout(this.resting);
-    const outline = this.outline();
+    const outline = this.outline(),
+      asked = ++this.asks;
     if (!outline) {
       this.found = null;
       at("sphere-said").textContent = said.sphere;
       return;
     }
-    this.resting = setTimeout(async () => this.told(await this.ask("sphere", outline)), soon);
+    this.resting = setTimeout(async () => this.told(await this.ask("sphere", outline), asked), soon);
   },
 
-  told(answer) {
+  told(answer, asked) {
+    if (asked !== this.asks) return; // about a sphere that has moved on since
     this.found = answer.problem ? null : answer;
     at("sphere-said").textContent =
       sentence(answer.problem || "") ||
@@ -238,13 +244,14 @@ const mark = {
 
   async find() {
     at("sphere-said").textContent = "Looking for it ...";
-    const answer = await this.ask("sphere/found", {});
-    if (!answer.problem) {
+    const asked = ++this.asks,
+      answer = await this.ask("sphere/found", {});
+    if (!answer.problem && asked === this.asks) {
       const c = answer.circle;
       this.sphere = { x: reduced(c.x), y: reduced(c.y), r: c.r / data.step };
       this.numbers();
     }
-    this.told(answer);
+    this.told(answer, asked);
   },
 
   async save(overwrite = false) {

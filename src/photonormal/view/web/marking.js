@@ -91,6 +91,7 @@ Object.assign(mark, {
     const stage = at("stage");
     at("size").addEventListener("pointerdown", (e) => e.stopPropagation());
     stage.addEventListener("pointerdown", (e) => {
+      if (e.button) return; // its menu may keep the end of it to itself
       stage.setPointerCapture(e.pointerId);
       stage.focus({ preventScroll: true });
       this.fingers.set(e.pointerId, e);
@@ -175,8 +176,8 @@ Object.assign(mark, {
       scale = Math.max(0.5, Math.min(40, c.scale * factor)),
       part = 1 - c.scale / scale;
     if (p) {
-      c.x += (p[0] / data.shown[0] - c.x) * part;
-      c.y += (p[1] / data.shown[1] - c.y) * part;
+      c.x += ((p[0] + 0.5) / data.shown[0] - c.x) * part;
+      c.y += ((p[1] + 0.5) / data.shown[1] - c.y) * part;
     }
     c.scale = scale;
     this.draw();
@@ -188,7 +189,7 @@ Object.assign(mark, {
   },
 
   key(e) {
-    if (e.ctrlKey || e.metaKey || e.altKey) return false;
+    if (e.ctrlKey || e.metaKey || e.altKey || pressing(e)) return false;
     const acts = {
       "+": () => this.zoom(1.25),
       "=": () => this.zoom(1.25),

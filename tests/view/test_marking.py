@@ -260,12 +260,6 @@ def test_what_comes_late_is_not_shown(marked):
     assert b.run("return mark.photograph === window.second && mark.found === null")
 
 
-def test_a_photograph_that_is_gone_is_named(marked, folder):
-    (folder / marked.run("return data.names[3]")).unlink()
-    marked.run("mark.show(3)")
-    assert "is missing" in marked.wait("return document.getElementById('trouble').textContent")
-
-
 def test_on_a_phone(served, folder, tmp_path):
     if CHROMIUM is None or DRIVER is None:
         pytest.skip(MISSING)

@@ -2,10 +2,14 @@
 
 import json
 import re
+import shutil
+import time
 
 import numpy as np
 import pytest
 
+from photonormal.view import show
+from photonormal.view.page import read
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
 from tests.view.conftest import relief, write_result
 
@@ -123,6 +127,7 @@ def test_values_under_the_pointer(window):
     text = b.wait("return document.getElementById('values').textContent")
     assert re.search(r"Normal-?0\.0\d\d, -?0\.0\d\d, (0\.99\d|1\.000)", text)
     assert "Height" in text and "True error0.0°" in text
+    assert b.run("return [angle(5), angle(254)]") == ["1.3°", "63.5° or more"]
     red, green, blue = (int(v) for v in re.search(r"Albedo(\d+), (\d+), (\d+)", text).groups())
     assert red == green == blue > 240  # evenly white, over its own brightest part
 
@@ -247,6 +252,104 @@ def test_two_results_side_by_side(served, result, other, tmp_path):
         assert "trimmed" not in b.text("#title")
 
 
+def test_what_was_measured_goes_with_its_result(desk, served, result, other):
+    b = desk
+    b.open(served(result, other))
+    b.click('[data-value="measure"]')
+    x, y, w, h = b.box("#stage")
+    right = x + 0.75 * w, y + h / 2
+    b.drag((right[0] - 60, right[1]), right, (right[0] + 60, right[1]))
+    b.wait("return document.body.dataset.profile")
+    b.choose("#pane-1", "")
+    b.settle()
+    assert not b.run("return document.getElementById('profile').checkVisibility()")
+    b.run("document.getElementById('stage').focus()")
+    b.keys("Left")
+    assert "Normal" in b.wait("return document.getElementById('values').textContent")
+    assert b.run("return document.body.dataset.error || ''") == ""
+
+
+def test_photographs_are_asked_for_once_the_light_rests(desk, served, result, other):
+    b = desk
+    b.open(served(result, other))
+    b.run(
+        "performance.clearResourceTimings();"
+        "for (let a = 0; a < 6; a += 0.3) dome.set([0.7 * Math.cos(a), 0.7 * Math.sin(a)]);"
+    )
+    time.sleep(0.3)
+    b.settle()
+    asked = b.run("return performance.getEntriesByType('resource').map((e) => e.name)")
+    assert len([name for name in asked if "/photograph-" in name]) == 2  # one for each result
+
+
+def test_without_depth_a_line_has_a_length(desk, served, result, tmp_path):
+    folder = shutil.copytree(result, tmp_path / "flat")
+    (folder / "depth.npz").unlink()
+    b = desk
+    b.open(served(folder))
+    b.click('[data-value="measure"]')
+    x, y = middle(b)
+    b.drag((x - 100, y), (x, y), (x + 100, y))
+    assert re.fullmatch(r"Length [\d.]+ px. This result has no depth.", b.wait("return document.body.dataset.profile"))
+
+
+def test_small_lengths_are_no_zeros(desk, served, tmp_path):
+    folder = write_result(tmp_path / "coin", *relief(200, 300), mm_per_px=0.001 / 3)
+    b = desk
+    b.open(served(folder))
+    assert "0.0003333 mm a pixel" in b.text("#facts")
+    b.click('[data-value="measure"]')
+    x, y = middle(b)
+    b.drag((x - 300, y), (x, y), (x + 300, y))
+    length, range_ = (float(v) for v in re.findall(r"([\d.]+) mm", b.wait("return document.body.dataset.profile"))[:2])
+    assert 0.02 < length < 0.1 and 0.003 < range_ < 0.006  # two of 12 cos(100 / 45) pixels, nearly
+    assert b.run("return document.querySelector('#chart text').textContent") == f"{range_:.4f}"
+
+
+def test_a_photograph_that_is_gone_is_named(desk, served, result, capture, tmp_path):
+    shutil.copytree(capture, tmp_path / "moved")
+    address = served(result, "--capture", tmp_path / "moved")
+    b = desk
+    for path in (tmp_path / "moved").glob("0*.png"):
+        path.unlink()
+    b.open(address)
+    assert "is missing" in b.text("#trouble")
+
+
+def test_when_the_browser_takes_the_memory_away_it_is_said(window):
+    window.run("page.gl.getExtension('WEBGL_lose_context').loseContext()")
+    window.wait("return !document.getElementById('trouble').hidden")
+    assert "Reload" in window.text("#trouble")
+
+
+def test_buttons_on_the_picture_have_their_keys(window):
+    b = window
+    b.run("document.getElementById('larger').focus()")
+    b.keys("Enter", " ")
+    assert b.run("return page.camera.scale > 1.5 && !page.held")
+
+
+def test_only_the_main_button_acts(window):
+    window.drag(middle(window), button=2)
+    assert not window.run("return page.held")
+
+
+def test_a_screen_of_more_tiles_than_are_kept_comes_to_rest(desk, tmp_path, monkeypatch):
+    monkeypatch.setattr(show, "read", lambda name: read(name).replace("KEPT = 220", "KEPT = 6"))
+    folder = write_result(tmp_path / "relief", *relief(1030, 1030))
+    path, _ = show.export_page(folder, tmp_path / "page.html")
+    b = desk
+    b.open(path.as_uri())
+    b.choose("#second", "")
+    b.settle()
+    loads = b.run(
+        "const load = page.tiles.load; window.loads = 0; page.tiles.load = function (...all) {"
+        "window.loads++; return load.apply(this, all); }; page.draw(); return page.tiles.kept.size"
+    )
+    time.sleep(1)
+    assert loads > 6 and b.run("return window.loads") == 0
+
+
 def test_names_are_shown_as_text(served, result, tmp_path):
     folder = write_result(tmp_path / "x", *relief(40, 50))
     name = "</script><img src=x onerror=alert(1)>/* data */ & <b>"
@@ -264,6 +367,11 @@ def test_without_webgl_the_page_says_so_and_shows_pictures(served, result, tmp_p
         assert (
             "WebGL 2" in b.text("#trouble") and b.run("return document.querySelectorAll('#plain canvas').length") == 4
         )
+        assert b.run(  # they are scrolled, and nothing lies over them
+            "const e = new WheelEvent('wheel', { bubbles: true, cancelable: true, deltaY: 50 });"
+            "return document.querySelector('#plain canvas').dispatchEvent(e)"
+        )
+        assert not b.run("return document.getElementById('border').checkVisibility()")
 
 
 @pytest.mark.slow

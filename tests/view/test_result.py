@@ -8,8 +8,9 @@ import pytest
 
 from photonormal.export import load_normals
 from photonormal.files import memory
+from photonormal.types import Normals
 from photonormal.view.planes import LEVELS_PER_DEGREE, UNKNOWN
-from photonormal.view.result import open_result
+from photonormal.view.result import open_result, shown_of
 
 
 @pytest.fixture
@@ -37,6 +38,23 @@ def test_it_is_cut_to_the_object(result):
     x, y = shown.about["origin"]
     rows, columns = np.nonzero(normals.mask)
     assert 0 <= rows.min() - y <= 8 and 0 <= columns.min() - x <= 8
+
+
+def test_a_truth_of_other_pixels_tells_no_error():
+    n = np.zeros((20, 30, 3), np.float32)
+    n[..., 2] = 1
+    mask = np.arange(30) < 15
+    shown = shown_of(
+        "x", Normals(n, mask & np.ones((20, 1), bool)), None, None, Normals(n, ~mask & np.ones((20, 1), bool)), {}, None
+    )
+    assert "mean_error_deg" not in shown.about
+
+
+def test_of_some_rows_and_columns_places_are_those_of_all():
+    n = np.zeros((40, 61, 3), np.float32)
+    n[..., 2] = 1
+    about = shown_of("x", Normals(n, np.ones((40, 61), bool)), None, None, None, {}, None, every=3).about
+    assert (about["every"], about["size"], about["width"], about["height"]) == (3, [61, 40], 21, 14)
 
 
 def test_without_photographs_the_page_says_so(copy):

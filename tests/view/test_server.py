@@ -1,18 +1,22 @@
 """What is served, to whom, and what is not."""
 
 import http.client
+import json
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
 import sys
 from urllib.parse import urlsplit
+from urllib.request import urlopen
 
 import pytest
 
 from photonormal.types import InputError
 from photonormal.view.server import HOST, serve
+from tests.view.conftest import relief, write_result
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +49,26 @@ def test_the_page_and_its_tiles_are_served(ask):
         *("/", "/other/", "/other/tile/0/normals/0/0/0", "/TOKEN/tile/1/normals/0/0/0", "/TOKEN/tile/-1/normals/0/0/0"),
         *("/TOKEN/tile/0/report/0/0/0", "/TOKEN/tile/0/normals/9/0/0", "/TOKEN/tile/0/photograph-12/0/0/0"),
         *("/TOKEN/tile/0/photograph--1/0/0/0", "/TOKEN/tile/0/photograph-x/0/0/0", "/TOKEN/report.json"),
-        *("/TOKEN/../report.json", "/TOKEN/tile/0/..%2f..%2freport.json/0/0/0", "/docs", "/openapi.json"),
+        *("/%C3%A9/", "/TOKEN/../report.json", "/TOKEN/tile/0/..%2f..%2freport.json/0/0/0", "/docs", "/openapi.json"),
     ],
 )
 def test_nothing_else_is(ask, path):
     assert ask(path)[0] in (404, 422)
+
+
+def test_a_name_that_is_no_text_is_shown_nevertheless(served, tmp_path):
+    folder = write_result(tmp_path / os.fsdecode(b"\xff #1% <b>'\""), *relief(20, 30))
+    report = json.loads((folder / "report.json").read_text())
+    (folder / "report.json").write_text(json.dumps(report | {"capture": ""}))
+    with urlopen(served(folder)) as answer:
+        assert b"<title>? #1% &lt;b&gt;&#x27;&quot;, code" in answer.read()
+
+
+def test_results_of_one_capture_by_one_method_have_names_of_their_own(served, result, tmp_path):
+    shutil.copytree(result, tmp_path / "again")
+    with urlopen(served(result, tmp_path / "again")) as answer:
+        page = answer.read().decode()
+    assert f"woodham ({result})" in page and f"woodham ({tmp_path / 'again'})" in page
 
 
 def test_another_host_name_gets_nothing(ask):

@@ -26,8 +26,8 @@ def document(
     data: Any,
     served: bool = False,
     beside: bool = False,
-) -> str:
-    """An HTML page.
+) -> bytes:
+    """An HTML page, in UTF-8; names of files may be no text, and show a question mark where they aren't.
 
     Its policy lets exactly this style and this script act and, if `served`, lets the script ask the program that serves
     it; nothing else is loaded. The data stands once, as JSON without `<`, `>` and `&`, so that no text in it can end
@@ -54,13 +54,14 @@ def document(
     for character in "<>&":
         block = block.replace(character, f"\\u{ord(character):04x}")
     icon = '<link rel="icon" href="data:,">\n' * served  # or the browser asks for one
-    return (
+    whole = (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"{icon}<title>{escape(title)}</title>\n<style>{style}</style>\n</head>\n<body>\n{body}\n"
         f'<script type="application/json" id="data">{block}</script>\n<script>{script}</script>\n</body>\n</html>\n'
     )
+    return whole.encode("utf-8", "replace")
 
 
 def _digest(text: str) -> str:

@@ -182,13 +182,16 @@ def shown_of(
     if truth is not None:
         error = error_map_deg(normals, truth)
         layers["error"] = degrees_plane(error[box])
-        about["mean_error_deg"] = round(float(np.nanmean(error)), 2)
+        if np.isfinite(error).any():
+            about["mean_error_deg"] = round(float(np.nanmean(error)), 2)
     about |= {
         "title": f"{name}, {report.get('method') or 'normals'}",
         "method": report.get("method", ""),
         "lamps": report.get("lights", 0),
         "width": map.shape[1],
         "height": map.shape[0],
+        "every": every,
+        "size": [side.stop - side.start for side in (whole[1], whole[0])],
         "origin": [whole[1].start, whole[0].start],
         "sizes": [[level.shape[1], level.shape[0]] for level in layers["normals"].levels],
         "layers": {key: p.kind for key, p in layers.items()},

@@ -21,7 +21,7 @@ try:
     import uvicorn
     from fastapi import FastAPI, HTTPException, Request, Response
     from fastapi.concurrency import run_in_threadpool
-    from fastapi.responses import HTMLResponse, JSONResponse
+    from fastapi.responses import JSONResponse
 except ModuleNotFoundError:
     raise InputError(
         "`photonormal view` needs FastAPI and uvicorn, which are not here; install them: pip install "
@@ -32,13 +32,15 @@ HOST = "127.0.0.1"
 
 
 def application(token: str) -> FastAPI:
-    """An application without pages yet, whose answers are never kept or taken for something else."""
+    """An application without pages yet, whose answers are never kept or taken for something else; what can't be read
+    is told."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.middleware("http")
     async def guarded(request: Request, call_next: Any) -> Response:  # pyright: ignore[reportUnusedFunction]
         host = request.headers.get("host", "").rsplit(":", 1)[0]
-        if host not in (HOST, "localhost") or not secrets.compare_digest(request.url.path.split("/")[1], token):
+        named = request.url.path.split("/")[1]
+        if host not in (HOST, "localhost") or not secrets.compare_digest(named.encode(), token.encode()):
             return Response(status_code=404)
         answer = await call_next(request)
         answer.headers["Cache-Control"] = "no-store"
@@ -46,6 +48,10 @@ def application(token: str) -> FastAPI:
         answer.headers["Referrer-Policy"] = "no-referrer"
         answer.headers["Cross-Origin-Resource-Policy"] = "same-origin"
         return answer
+
+    @app.exception_handler(InputError)
+    async def gone(request: Request, error: InputError) -> JSONResponse:  # pyright: ignore[reportUnusedFunction]
+        return JSONResponse({"detail": str(error)}, 410)  # a photograph that is no longer there
 
     return app
 
@@ -55,9 +61,9 @@ def results_application(shown: Sequence[ViewedResult], token: str) -> FastAPI:
     app = application(token)
     page = result_page([s.about for s in shown])
 
-    @app.get(f"/{token}/", response_class=HTMLResponse)
-    def whole() -> str:  # pyright: ignore[reportUnusedFunction]
-        return page
+    @app.get(f"/{token}/")
+    def whole() -> Response:  # pyright: ignore[reportUnusedFunction]
+        return Response(page, media_type="text/html")
 
     @app.get(f"/{token}/tile/{{index}}/{{layer}}/{{level}}/{{x}}/{{y}}")
     def tile(index: int, layer: str, level: int, x: int, y: int) -> Response:  # pyright: ignore[reportUnusedFunction]
@@ -65,8 +71,8 @@ def results_application(shown: Sequence[ViewedResult], token: str) -> FastAPI:
             if index < 0:
                 raise IndexError
             return Response(shown[index].tile(layer, level, x, y), media_type="application/octet-stream")
-        except InputError as error:  # a photograph that is no longer there
-            raise HTTPException(410, str(error)) from None
+        except InputError:
+            raise
         except (LookupError, ValueError):
             raise HTTPException(404) from None
 
@@ -111,9 +117,9 @@ def marking_application(marking: Marking, token: str) -> FastAPI:
     app = application(token)
     page = marking_page(marking.about())
 
-    @app.get(f"/{token}/", response_class=HTMLResponse)
-    def whole() -> str:  # pyright: ignore[reportUnusedFunction]
-        return page
+    @app.get(f"/{token}/")
+    def whole() -> Response:  # pyright: ignore[reportUnusedFunction]
+        return Response(page, media_type="text/html")
 
     @app.get(f"/{token}/picture/{{j}}")
     def picture(j: int) -> Response:  # pyright: ignore[reportUnusedFunction]
@@ -174,4 +180,8 @@ def open_pages(
         serve(lambda token: marking_application(marking, token), port, browser)
         return
     shown = [open_result(f, capture if k == 0 else None, mm_per_px) for k, f in enumerate(paths)]
+    titles = [s.about["title"] for s in shown]
+    for path, s in zip(paths, shown, strict=True):
+        if titles.count(s.about["title"]) > 1:  # one capture measured in two ways: folders tell them apart
+            s.about["title"] += f" ({path})"
     serve(lambda token: results_application(shown, token), port, browser)

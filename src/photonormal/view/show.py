@@ -31,7 +31,7 @@ PHOTOGRAPHS = 12  # inside one file
 PHOTOGRAPH_SIDE = 1024  # pixels of the longest side of them
 
 
-def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None = None) -> str:
+def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None = None) -> bytes:
     """The page of the results that the dictionaries tell about; without `tiles` it asks for them where it came from."""
     data = {"results": list(results), "tiles": tiles, "colours": ramp(), **units()}
     title = ", ".join(r["title"] for r in results)
@@ -41,7 +41,7 @@ def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None 
     )
 
 
-def marking_page(about: dict[str, Any]) -> str:
+def marking_page(about: dict[str, Any]) -> bytes:
     """The page that marks the photographs that the dictionary tells about."""
     scripts = [read(f"{name}.js") for name in ("base", "source", "gl", "tiles", "light", "brush", "mark", "marking")]
     data = {"tiles": None, **about}
@@ -113,7 +113,7 @@ def some_photographs(photographs: list[dict[str, Any]], limit: int) -> list[dict
 
 def _one_file(shown: ViewedResult, about: dict[str, Any]) -> bytes:
     tiles = {f"tile/0/{path}": base64.b64encode(tile).decode() for path, tile in _tiles(shown, about)}
-    return result_page([about], tiles).encode("utf-8", "replace")  # names of files may be no text
+    return result_page([about], tiles)
 
 
 def _tiles(shown: ViewedResult, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:

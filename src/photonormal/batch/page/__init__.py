@@ -41,7 +41,7 @@ def page(rows: Sequence[CaptureRow], title: str) -> bytes:
         body = body.replace(f"[[{name}]]", text, 1)
     scripts = [(HERE / "filter.js").read_text(encoding="utf-8"), read("sort.js")]
     style = (HERE / "page.css").read_text(encoding="utf-8")
-    return document(f"{title} - photonormal", body, [style], scripts, None, beside=True).encode("utf-8", "replace")
+    return document(f"{title} - photonormal", body, [style], scripts, None, beside=True)
 
 
 def _kinds(row: CaptureRow) -> list[str]:

@@ -65,7 +65,7 @@ def write_page(
     shared = [read(f"{name}.js") for name in ("base", "gl", "shading", "tiles", "picture", "surface")]
     own = [*(_file(f"{name}.js") for name in ("relief", "compare")), read("sort.js")]
     body = _file("page.html").replace("[[tables]]", tables_html(found))
-    write(out, document("photonormal benchmark", body, [_file("page.css")], shared + own, data).encode())
+    write(out, document("photonormal benchmark", body, [_file("page.css")], shared + own, data))
     return out
 
 

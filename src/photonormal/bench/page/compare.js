@@ -146,7 +146,7 @@ const compare = {
       if (x !== null && s.what === "degrees") {
         const tile = await this.tile(s.needs.numbers),
           level = tile.values[(y + 1) * tile.w + x + 1];
-        if (level !== data.unknown) text += `, here ${(level / data.levels_per_degree).toFixed(1)}°`;
+        if (level !== data.unknown) text += `, here ${angle(level)}`;
       }
       parts.push(text);
     }

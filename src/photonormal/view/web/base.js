@@ -2,7 +2,7 @@
 const data = JSON.parse(document.getElementById("data").textContent);
 const at = (id) => document.getElementById(id);
 const bytesOfText = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
-const pressing = (e) => e.target.tagName === "BUTTON" && (e.key === "Enter" || e.key === " "); // keys that are the button's
+const pressing = (e) => e.target.tagName === "BUTTON" && (e.key === "Enter" || e.key === " "); // it presses a button
 window.addEventListener("error", (e) => {
   document.body.dataset.error = e.message;
 });

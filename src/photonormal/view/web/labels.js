@@ -111,8 +111,8 @@ Object.assign(page, {
       several = this.panes.length > 1;
     for (const { about } of this.panes) {
       if (several) rows.push([about.title, ""]);
-      rows.push(["Method", about.method], ["Size", `${about.width} x ${about.height} px`]);
-      if (about.mm_per_px) rows.push(["Scale", `${about.mm_per_px} mm a pixel`]);
+      rows.push(["Method", about.method], ["Size", `${about.size.join(" x ")} px`]);
+      if (about.mm_per_px) rows.push(["Scale", `${Number((about.mm_per_px / about.every).toPrecision(4))} mm a pixel`]);
       if (about.photographs.length) rows.push(["Photographs", String(about.lamps)]);
       if (about.expected_error_deg != null)
         rows.push(["Expected error", `${about.expected_error_deg.toFixed(1)}° on average`]);

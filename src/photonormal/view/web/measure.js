@@ -17,12 +17,17 @@ const measure = {
 
   height: (about, level) => (level ? about.relief.low + (level - 1) * about.relief.step : NaN), // in pixels
 
+  // A length in millimetres, where a pixel's width is known, else in pixels of the photographs; to three figures.
+  number(about, px) {
+    const v = px * (about.mm_per_px || about.every),
+      digits = 2 - Math.floor(Math.log10(Math.abs(v) || 1));
+    return v.toFixed(Math.max(0, Math.min(about.mm_per_px ? 4 : 2, digits))).replace(/^-(?=[0.]+$)/, ""); // no -0.00
+  },
+
+  unit: (about) => (about.mm_per_px ? "mm" : "px"),
+
   length(about, px) {
-    // with its unit
-    const mm = about.mm_per_px,
-      v = mm ? px * mm : px,
-      size = Math.abs(v);
-    return `${v.toFixed(size >= 100 ? 0 : size >= 10 ? 1 : 2)} ${mm ? "mm" : "px"}`;
+    return `${this.number(about, px)} ${this.unit(about)}`;
   },
 
   // The colour of the albedo at a pixel, 0 to 255 as it is shown.
@@ -40,7 +45,8 @@ const measure = {
   async values(pane, x, y) {
     // rows of names and texts
     const { about } = pane,
-      rows = [["Pixel", `${Math.floor(x) + about.origin[0]}, ${Math.floor(y) + about.origin[1]}`]];
+      place = [x, y].map((v, k) => Math.floor(v) * about.every + about.origin[k]),
+      rows = [["Pixel", place.join(", ")]];
     const normal = await this.stored(pane, "normals", Math.floor(x), Math.floor(y));
     if (!normal || !normal.some(Boolean)) return [...rows, ["", "outside the object"]];
     const size = Math.hypot(...normal),
@@ -56,10 +62,7 @@ const measure = {
     for (const layer of ["expected", "error"])
       if (about.layers[layer]) {
         const [level] = await this.stored(pane, layer, Math.floor(x), Math.floor(y));
-        rows.push([
-          LAYERS[layer],
-          level === data.unknown ? "not known" : `${(level / data.levels_per_degree).toFixed(1)}°`,
-        ]);
+        rows.push([LAYERS[layer], level === data.unknown ? "not known" : angle(level)]);
       }
     return rows;
   },
@@ -100,14 +103,17 @@ const measure = {
 
   async show(pane, line) {
     // draws the chart
-    const rows = await this.profile(pane, ...line),
+    const { about } = pane,
+      rows = about.relief ? await this.profile(pane, ...line) : [],
       known = rows.filter(([, z]) => z === z),
-      { about } = pane;
+      length = Math.hypot(line[1][0] - line[0][0], line[1][1] - line[0][1]);
+    if (page.line?.ends !== line) return; // it was removed meanwhile, or another one drawn
     at("profile").hidden = false;
-    const length = rows[rows.length - 1][0];
     if (known.length < 2) {
       at("chart").replaceChildren();
-      at("profile-said").textContent = `Length ${this.length(about, length)}. No heights are known along it.`;
+      at("chart").onpointermove = at("chart").onpointerleave = null;
+      at("profile-said").textContent =
+        `Length ${this.length(about, length)}. ${about.relief ? "No heights are known along it" : "This result has no depth"}.`;
       return;
     }
     const low = Math.min(...known.map((r) => r[1])),
@@ -123,15 +129,12 @@ const measure = {
         pen = "L";
       } else pen = "M";
     }
-    const scale = about.mm_per_px || 1,
-      digits = range * scale >= 20 ? 0 : range * scale >= 2 ? 1 : 2,
-      unit = about.mm_per_px ? "mm" : "px";
     const texts = [
-      svg("text", { x: 42, y: 18, "text-anchor": "end" }, (range * scale).toFixed(digits)),
+      svg("text", { x: 42, y: 18, "text-anchor": "end" }, this.number(about, range)),
       svg("text", { x: 42, y: 142, "text-anchor": "end" }, "0"),
       svg("text", { x: 46, y: 158 }, "0"),
       svg("text", { x: 310, y: 158, "text-anchor": "end" }, this.length(about, length)),
-      svg("text", { x: 4, y: 80 }, unit),
+      svg("text", { x: 4, y: 80 }, this.unit(about)),
     ];
     const here = svg("line", { class: "here", y1: 14, y2: 138, x1: -9, x2: -9 });
     at("chart").replaceChildren(

@@ -7,6 +7,7 @@ const plain = {
     const box = document.createElement("div");
     box.id = "plain";
     at("stage").append(box);
+    for (const kind of ["wheel", "pointerdown", "pointermove"]) box.addEventListener(kind, (e) => e.stopPropagation());
     for (const [index, about] of data.results.entries())
       for (const layer of ["relit", "normals", "albedo", "expected"]) {
         const level = about.sizes.length - 1,

@@ -42,6 +42,7 @@ Object.assign(input, {
     });
     at("size").addEventListener("pointerdown", (e) => e.stopPropagation());
     stage.addEventListener("pointerdown", (e) => {
+      if (e.button) return; // its menu may keep the end of it to itself
       stage.setPointerCapture(e.pointerId);
       stage.focus({ preventScroll: true });
       this.fingers.set(e.pointerId, e);
@@ -204,21 +205,21 @@ Object.assign(input, {
       p = page.panes[pane];
     page.draw();
     if (Math.hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]) < 1) return this.clear();
-    if (p.about.relief)
-      measure.show(p, ends).then(() => {
-        document.body.dataset.profile = at("profile-said").textContent;
-      });
+    measure.show(p, ends).then(() => {
+      document.body.dataset.profile = at("profile-said").textContent;
+    });
   },
 
   clear() {
     page.line = null;
+    page.drawing = false;
     at("profile").hidden = true;
     page.draw();
   },
 
   key(e) {
     // on the stage; true if it meant something
-    if (e.ctrlKey || e.metaKey || e.altKey) return false;
+    if (e.ctrlKey || e.metaKey || e.altKey || pressing(e)) return false;
     const acts = {
       "+": () => this.zoom(1.25),
       "=": () => this.zoom(1.25),

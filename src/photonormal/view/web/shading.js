@@ -23,10 +23,9 @@ vec3 lit(vec3 n, vec3 encoded) {
 // The light that a mode uses: raking light keeps the direction and comes from low down.
 function lightOf(look) {
   if (look.mode !== "raking") return look.light;
-  const [x, y] = look.light,
-    r = Math.hypot(x, y) || 1,
+  const a = Math.atan2(look.light[1], look.light[0]),
     e = (look.raking * Math.PI) / 180;
-  return [(x / r) * Math.cos(e), (y / r) * Math.cos(e), Math.sin(e)];
+  return [Math.cos(a) * Math.cos(e), Math.sin(a) * Math.cos(e), Math.sin(e)];
 }
 
 const shadingValues = (look, eye = [0, 0, 1]) => ({

@@ -9,6 +9,7 @@ async function source(path) {
   const answer = await fetch(path).catch(() => {
     throw new Error(ENDED);
   });
+  if (answer.status === 410) throw new Error((await answer.json()).detail); // a photograph that is no longer there
   if (!answer.ok)
     throw new Error(`A part of the result can't be read (${answer.status}). Start \`photonormal view\` again.`);
   return new Uint8Array(await answer.arrayBuffer());

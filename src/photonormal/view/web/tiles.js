@@ -24,6 +24,10 @@ function summed(bytes, Kind, w, h, c) {
   return values;
 }
 
+// What the level of an angle says; the last one but that of unknown ones is of all larger angles.
+const angle = (level) =>
+  `${(level / data.levels_per_degree).toFixed(1)}°${level === data.unknown - 1 ? " or more" : ""}`;
+
 class Tiles {
   constructor(gl, source, changed) {
     this.gl = gl; // null: numbers only
@@ -31,6 +35,7 @@ class Tiles {
     this.changed = changed;
     this.kept = new Map();
     this.time = 0;
+    this.frame = Infinity; // the time at which the last frame began, where frames are told: what it shows is kept
     this.loading = 0;
   }
 
@@ -127,7 +132,7 @@ class Tiles {
     // the tiles that were not drawn for longest
     if (this.kept.size <= KEPT) return;
     const old = [...this.kept]
-      .filter(([, t]) => t.ready)
+      .filter(([, t]) => t.ready && t.time <= this.frame)
       .sort((a, b) => a[1].time - b[1].time)
       .slice(0, this.kept.size - KEPT);
     for (const [path, tile] of old) {

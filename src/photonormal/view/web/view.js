@@ -30,6 +30,10 @@ const page = {
     });
     const ramp = bytesOfText(data.colours);
     if (this.gl) this.picture = new Picture(this.gl, this.tiles, ramp);
+    at("canvas").addEventListener("webglcontextlost", () => {
+      this.gl = null; // nothing more is drawn
+      this.trouble("The browser has taken the graphics memory of this page away. Reload the page.");
+    });
     at("bar")
       .getContext("2d")
       .putImageData(
@@ -69,7 +73,9 @@ const page = {
     const names = this.panes.map((p) => p.about.title);
     at("title").textContent = names.join(" | ");
     document.title = `${names.join(" | ")} - photonormal`;
-    this.line = null;
+    this.cursor = null;
+    at("values").replaceChildren();
+    input.clear();
     this.facts();
     this.photograph();
   },
@@ -96,6 +102,7 @@ const page = {
   },
 
   drawNow() {
+    this.tiles.frame = this.tiles.time;
     const stage = at("stage"),
       canvas = at("canvas"),
       ratio = Math.min(devicePixelRatio || 1, 2),
@@ -172,8 +179,8 @@ const page = {
 
   photograph() {
     // the one under the real light nearest to the light; the one before stays until it is here
-    clearTimeout(this.resting);
     for (const p of this.panes) {
+      clearTimeout(p.resting);
       const shots = p.about.photographs;
       if (!shots.length) continue;
       const nearest = shots[0].light
@@ -184,7 +191,7 @@ const page = {
         : 0;
       p.nearest = nearest;
       if (shots[nearest].index === p.photograph) continue;
-      this.resting = setTimeout(
+      p.resting = setTimeout(
         async () => {
           const level = p.about.sizes.length - 1;
           if (![this.first, this.second].includes("photograph")) return;

@@ -239,3 +239,14 @@ def test_each_part_of_a_tile_has_a_mean_of_zero():
         for columns in (range(9, 13), [*range(14, 24), *range(8)]):
             part = depth[np.ix_(rows, columns)]
             assert abs(part.mean()) < 1e-6 < part.std()
+
+
+@pytest.mark.parametrize("method", ANY_MASK)
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.5, 0.55])
+def test_a_mask_that_falls_into_many_parts(method, share):
+    for seed in range(4):
+        mask = np.random.default_rng(seed).random((60, 60)) < share
+        normals, z = hills(60, mask)
+        depth = integrate(normals, method).depth
+        assert np.abs(depth[mask]).max() < np.ptp(z)
+        assert np.abs(np.diff(depth - z))[mask[:, 1:] & mask[:, :-1]].mean() < 0.02

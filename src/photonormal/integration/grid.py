@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from photonormal.integration.bands import around, each_band
 
-TINY = np.float32(1e-30)  # weights below are none
+TINY = np.float32(1e-10)  # weights below are none: what rounding leaves between parts that do not touch
 
 Weights = Float[np.ndarray, "_ _"]
 FIRST, LAST, ALL = slice(None, -1), slice(1, None), slice(None)
@@ -21,7 +21,7 @@ class Grid(NamedTuple):
 
     east, south, down, up : weights of the edges (y, x) - (y, x + 1), (y, x) - (y + 1, x), (y, x) - (y + 1, x + 1) and
         (y + 1, x) - (y, x + 1); the finest grid has none of the last two
-    inverse : of the sum of a pixel's weights; 0 where it has none
+    inverse : of the sum of a pixel's weights, each without its sign; 0 where it has none
     """
 
     east: Weights
@@ -41,8 +41,9 @@ class Grid(NamedTuple):
             part, own = around(rows, h)
             total = np.zeros_like(grid.inverse[part])
             for c, first, second in grid.part(part).edges(total):
-                first += c
-                second += c
+                size = np.abs(c)
+                first += size
+                second += size
             np.divide(1, total[own], out=grid.inverse[rows], where=total[own] > TINY)
 
         each_band(invert, h, w)
@@ -80,7 +81,7 @@ class Grid(NamedTuple):
         for c, i, j in self.edges(number):
             A[i, j] = A[j, i] = -c
         A[range(n), range(n)] = -A.sum(1)
-        A[range(n), range(n)] += 1e-6 * max(A.max(), 1e-30)
+        A[range(n), range(n)] += 1e-6 * max(A.max(), 1e-2)
         return np.linalg.inv(A).astype(np.float32)
 
 

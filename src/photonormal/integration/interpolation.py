@@ -118,10 +118,14 @@ def fine(rows: slice) -> slice:
 
 
 def shares(grid: Grid) -> list[Weights]:
-    """West, north and the four corners of `Interpolation`; of some rows of a grid: but for the first and the last."""
+    """West, north and the four corners of `Interpolation`; of some rows of a grid: but for the first and the last.
+
+    Weights below zero, which coarser grids may have, count as none: shares are 0 to 1.
+    """
     E, S, D, U = grid.east, grid.south, grid.down, grid.up
+    if D is not None and U is not None:
+        E, S, D, U = (c.clip(0) for c in (E, S, D, U))
     west, east, north, south = E[::2, ::2], E[::2, 1::2], S[::2, ::2], S[1::2, ::2]
-    inverse = grid.inverse[1::2, 1::2]
     if D is not None and U is not None:  # the column to a pixel's left acts as one neighbour, as Dendy has it
         west, east, north, south = (c.copy() for c in (west, east, north, south))
         west[:-1] += U[::2, ::2]
@@ -133,16 +137,20 @@ def shares(grid: Grid) -> list[Weights]:
         south[:, 1:] += U[1::2, 1::2]
         south[:, :-1] += D[1::2, ::2]
     w, n = share(west, east), share(north, south)
-    up, left, right, below = (c * inverse for c in (S[::2, 1::2], E[1::2, ::2], E[1::2, 1::2], S[1::2, 1::2]))
+    around, inverse = [S[::2, 1::2], E[1::2, ::2], E[1::2, 1::2], S[1::2, 1::2]], grid.inverse[1::2, 1::2]
+    if D is not None and U is not None:
+        around += [D[::2, ::2], U[::2, 1::2], U[1::2, ::2], D[1::2, 1::2]]
+        total = sum(around[1:], around[0])
+        inverse = np.divide(1, total, out=np.zeros_like(total), where=total > TINY)
+    up, left, right, below, *diagonal = (c * inverse for c in around)
     corners = [
         up * w[:-1] + left * n[:, :-1],
         up * (1 - w[:-1]) + right * n[:, 1:],
         below * w[1:] + left * (1 - n[:, :-1]),
         below * (1 - w[1:]) + right * (1 - n[:, 1:]),
     ]
-    if D is not None and U is not None:
-        for corner, c in zip(corners, (D[::2, ::2], U[::2, 1::2], U[1::2, ::2], D[1::2, 1::2]), strict=True):
-            corner += c * inverse
+    for corner, c in zip(corners, diagonal, strict=False):  # the finest grid has none
+        corner += c
     return [w, n, *corners]
 
 

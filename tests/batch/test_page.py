@@ -47,6 +47,11 @@ def test_what_failed_is_told_on_top_and_nothing_where_nothing_did():
     assert 'id="failures"' not in page(ROWS[1:], "season").decode()
 
 
+def test_a_name_may_look_like_a_place_of_the_page():
+    text = page(ROWS[2:3], "[[count]]").decode()
+    assert "<h1>[[count]]</h1>" in text and "<p>1 capture</p>" in text
+
+
 def test_a_row_opens_the_page_of_its_result_or_its_picture():
     text = page(ROWS, "season").decode()
     assert 'href="%3Cimg%20src%3Dx%20onerror%3Dattacked%28%29%3E/view.html"' in text

@@ -238,6 +238,8 @@ def test_a_stroke_lies_where_the_brush_is(marked):
         "brush.fill(() => 0); brush.stroke([100, 80], [100, 80], 21, true); const w = brush.canvas.width, found = [];"
         "brush.inside().forEach((v, i) => v && found.push([i % w, Math.floor(i / w)])); return found"
     )
+    finest = "at('brush').value = 1; brush.fill(() => 0); brush.stroke([9.5, 9.5], [9.5, 9.5], mark.width(), true);"
+    assert marked.run(f"{finest} return brush.inside().some(Boolean)")
     assert np.allclose(np.mean(inside, axis=0), [100, 80], atol=0.05) and abs(len(inside) - np.pi * 10.5**2) < 12
 
 

@@ -180,8 +180,8 @@ def open_pages(
         serve(lambda token: marking_application(marking, token), port, browser)
         return
     shown = [open_result(f, capture if k == 0 else None, mm_per_px) for k, f in enumerate(paths)]
-    titles = [s.about["title"] for s in shown]
-    for path, s in zip(paths, shown, strict=True):
+    titles, names = [s.about["title"] for s in shown], [path.resolve().name for path in paths]
+    for path, name, s in zip(paths, names, shown, strict=True):
         if titles.count(s.about["title"]) > 1:  # one capture measured in two ways: folders tell them apart
-            s.about["title"] += f" ({path})"
+            s.about["title"] += f" ({name if names.count(name) == 1 else path})"
     serve(lambda token: results_application(shown, token), port, browser)

@@ -29,16 +29,15 @@ def page(rows: Sequence[CaptureRow], title: str) -> bytes:
         f'<button type="button" data-kind="{kind}" aria-pressed="false">{count[kind]} {words}</button>'
         for kind, words in said.items()
     )
-    body = (HERE / "page.html").read_text(encoding="utf-8")
-    for name, text in (
-        ("title", escape(title)),
-        ("count", f"{len(rows)} captures"),
-        ("buttons", buttons),
-        ("failures", _failures(rows)),
-        ("head", "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in COLUMNS)),
-        ("rows", "\n".join(map(_row, rows))),
-    ):
-        body = body.replace(f"[[{name}]]", text, 1)
+    parts = {
+        "title": escape(title),
+        "count": f"{len(rows)} capture{'s' * (len(rows) != 1)}",
+        "buttons": buttons,
+        "failures": _failures(rows),
+        "head": "".join(f'<th scope="col"><button type="button">{c}</button></th>' for c in COLUMNS),
+        "rows": "\n".join(map(_row, rows)),
+    }
+    body = re.sub(r"\[\[(\w+)\]\]", lambda place: parts[place[1]], (HERE / "page.html").read_text(encoding="utf-8"))
     scripts = [(HERE / "filter.js").read_text(encoding="utf-8"), read("sort.js")]
     style = (HERE / "page.css").read_text(encoding="utf-8")
     return document(f"{title} - photonormal", body, [style], scripts, None, beside=True)

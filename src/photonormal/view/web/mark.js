@@ -79,7 +79,7 @@ const mark = {
     this.draw();
   },
 
-  width: () => (Number(at("brush").value) / 250) * Math.max(...data.shown) * 0.5,
+  width: () => Math.max(2, (Number(at("brush").value) / 500) * Math.max(...data.shown)), // finer ones miss pixels
 
   draw() {
     if (this.asked) return;

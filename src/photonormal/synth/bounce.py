@@ -9,13 +9,14 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from photonormal.synth.params import indices
+from photonormal.synth.shadows import depth_in, grid_steps
 from photonormal.synth.trace import NOWHERE
 
 RAYS = 12  # from each pixel
 FACING = 32  # exponent of the cosine between two pixels' normals that weighs what one has gathered for the other
 GLOSS = 12  # exponent of the lobe that one half of them follows
-STEPS = 24
+SKIP = 6  # steps that a ray takes at once where nothing near it is as high
+ENTERED = 0.05  # pixels of depth below the surface at which a ray has arrived
 
 
 def rays(N: Float[Tensor, "b q 3"], seed: int) -> tuple[Float[Tensor, "b q m 3"], Float[Tensor, "b q m"]]:
@@ -49,57 +50,90 @@ def _lobe(axis: Float[Tensor, "b q 3"], w: Tensor, phi: Tensor) -> Float[Tensor,
 
 
 def hits(
-    height: Float[Tensor, "b s s"],
-    behind: Float[Tensor, "b s s"],
+    solid: Float[Tensor, "b 3 s s"],
     normals: Float[Tensor, "b 3 s s"],
-    on: Bool[Tensor, "b q"],
-    directions: Float[Tensor, "b q m 3"],
-) -> Int[Tensor, "b q m"]:
-    """Pixel that each ray meets first; -1 where it meets none, begins below the surface or at a pixel that is not `on`.
+    pixel: Int[Tensor, "b r"],
+    directions: Float[Tensor, "b r m 3"],
+) -> Int[Tensor, "b r m"]:
+    """Pixel that each ray meets first; -1 where it meets none, leads into the surface or is stopped out of sight.
 
-    The height field is marched in steps that grow with distance. A ray that passes below where the view leaves the
-    solid (`behind`, a height, too) passes behind it and goes on; one that arrives at a visible point from behind is
-    stopped, and sees nothing that is lit.
+    `solid` are heights (pixels), as shadows know them: of the visible surface, of where the view leaves the solid
+    behind it, and of where it enters it again. What it meets below the visible surface sends nothing.
     """
-    b, s, _ = height.shape
-    device, m = height.device, directions.shape[2]
-    pixel = indices(on)  # (b, r)
-    N = normals.flatten(2).gather(2, pixel[:, None].expand(-1, 3, -1)).transpose(1, 2)  # (b, r, 3)
-    d = directions.gather(1, pixel[..., None, None].expand(-1, -1, m, 3))  # (b, r, m, 3)
-    dx, dy, dz = d[..., 0], -d[..., 1], d[..., 2]
-    x, y, z = N[..., None].unbind(2)  # rays begin one pixel off the surface, at (col, row, z) in a frame one wider
-    col, row = (pixel % s)[..., None] + 1.5 + x, (pixel // s)[..., None] + 1.5 - y
-    z = height.flatten(1).gather(1, pixel)[..., None] + z
-    wide = s + 2
-    solid = F.pad(torch.complex(height, behind), (1, 1, 1, 1), value=NOWHERE).flatten()  # both in one look
-    scene = torch.arange(b, device=device, dtype=torch.int32).view(b, 1, 1) * (wide * wide)
-    end = torch.full(d.shape[:3], -1.0, device=device)  # length of each ray
-    open = on.gather(1, pixel)[..., None] & ((d @ N[..., None])[..., 0] > 0)
-    before = torch.full_like(end, -1.0)
-    reach = torch.cumsum((s / 12) ** torch.linspace(0, 1, STEPS), 0)
-    reach = reach * (1.2 * s / reach[-1])
+    (b, _, s, _), m = solid.shape, directions.shape[2]
+    M, (top, leaves, _) = normals.flatten(2).transpose(1, 2).flatten(0, 1), (h.flatten() for h in solid.unbind(1))
+    start = (pixel + torch.arange(b, device=top.device)[:, None] * (s * s)).flatten()
+    outwards = (directions.flatten(0, 1) @ M[start, :, None])[..., 0] > 0  # (b r, m)
+    number = outwards.flatten().nonzero()[:, 0]  # of each ray that is followed
+    d, start = directions.flatten(0, 2)[number], start[number // m].to(torch.int32)
+    step = d * d.new_tensor([1, -1, 1])
+    step = step / step[:, :2].abs().amax(1, True).clamp(min=1e-4)
+    slope, major, minor, last, rise = grid_steps(start, step, s)
+    z = top[start]
+    higher = solid[:, 0].amax((1, 2))[start // (s * s)] - z
+    last = torch.where(rise > 0, last.minimum(higher / rise.clamp(min=1e-3)), last)
+    k = _arrivals(solid, start, z, rise, slope, major, minor, last)
+    arrived = k.nonzero()[:, 0]
+    way = (d, k, start, z, rise, slope, major, minor, last.floor())
+    d, k, start, z, rise, slope, major, minor, last = (x[arrived] for x in way)
+    seen = torch.full_like(start, -1)
+    for n in (1, -1, 0):  # the pixel at the arrival, or, where it looks away, the one before it or after it
+        step = (k + n).minimum(last)
+        at = start + (step * major + (step * slope).round() * minor).to(torch.int32)
+        seen = torch.where((M[at] * d).sum(1) < 0, at, seen)
+    level = z + k * rise
+    above = top[at] - level < level - leaves[at]
+    seen = torch.where(above & (seen >= 0), seen % (s * s), -1)
+    found = torch.full((len(outwards) * m,), -1, dtype=torch.int32, device=top.device)
+    found[number[arrived]] = seen
+    return found.view(b, -1, m)
 
-    def at(t: float | Tensor) -> Tensor:
-        c = (col + t * dx).clamp_(0, wide - 1).to(torch.int32)
-        return (row + t * dy).clamp_(0, wide - 1).to(torch.int32).mul_(wide).add_(c)
 
-    for t, dt in zip(reach.tolist(), torch.diff(reach, prepend=torch.zeros(1)).tolist(), strict=True):
-        there = solid.index_select(0, (at(t) + scene).flatten()).view_as(end)
-        level = z + t * dz
-        depth = there.real - level
-        entered = open & (depth > 0) & (there.imag < level + dt)
-        arrived = t - dt * depth / (depth - before.clamp(max=-1e-3)).clamp(min=1e-3)
-        end = torch.where(entered & (before <= 0), arrived, end)
-        open = open & ~entered
-        before = depth
-    last = at(end)
-    last = (last // wide - 1).clamp(0, s - 1) * s + (last % wide - 1).clamp(0, s - 1)
-    met = normals.flatten(2).transpose(1, 2).flatten(0, 1)  # (b s s, 3)
-    scene = torch.arange(b, device=device).view(b, 1, 1) * (s * s)
-    front = (met.index_select(0, (last + scene).flatten()).view_as(d) * d).sum(-1) < 0
-    last = torch.where((end >= 0) & front, last, -1)
-    none = torch.full((b, on.shape[1], m), -1, dtype=torch.int32, device=device)
-    return none.scatter(1, pixel[..., None].expand_as(last), last)
+def _arrivals(
+    solid: Float[Tensor, "b 3 s s"],
+    start: Int[Tensor, " k"],
+    z: Float[Tensor, " k"],
+    rise: Float[Tensor, " k"],
+    slope: Float[Tensor, " k"],
+    major: Int[Tensor, " k"],
+    minor: Int[Tensor, " k"],
+    last: Float[Tensor, " k"],
+) -> Float[Tensor, " k"]:
+    """Steps of one pixel after which each ray is in the solid; 0 where it never is.
+
+    SKIP steps are taken at once where nothing near them is as high.
+    """
+    s = solid.shape[-1]
+    looked = torch.cat([solid, highest_near(solid[:, 0], 2 * SKIP + 3)[:, None]], 1)
+    looked = looked.movedim(1, -1).flatten(0, 2)  # what a step looks up, side by side in memory
+    edge = (SKIP + 1) * (s + 1)  # a ray may leave by its last step
+    looked = F.pad(looked, (0, 0, edge, edge), value=NOWHERE)
+    arrived, ray = torch.zeros_like(z), torch.arange(len(z), device=z.device)
+    way = (ray, start + edge, z, rise, slope, major.float(), minor, last, torch.ones_like(z))
+    while len(way[0]):
+        ray, at, z, rise, slope, major, minor, last, k = way
+        across, fall = minor.float(), SKIP * rise.clamp(max=0)
+        depth, going = z, k <= last
+        for _ in range(4):  # then rays that have arrived are dropped
+            t, level = k * slope, torch.addcmul(z, k, rise)
+            i = t.floor()
+            index = (k * major).addcmul_(i, across).to(torch.int32).add_(at)
+            *here, near = looked.index_select(0, index).unbind(1)
+            *there, _ = looked.index_select(0, index.add_(minor)).unbind(1)
+            depth = depth_in(*here, level).lerp_(depth_in(*there, level), t.sub_(i))
+            going = (depth <= ENTERED) & (k <= last)
+            k = k + going * torch.where(level + fall > near, SKIP, 1)
+        met = ((depth > ENTERED) & (k <= last)).nonzero()[:, 0]
+        arrived[ray[met]] = k[met]
+        open = (going & (k <= last)).nonzero()[:, 0]
+        way = tuple(x.index_select(0, open) for x in (ray, at, z, rise, slope, major, minor, last, k))
+    return arrived
+
+
+def highest_near(height: Float[Tensor, "b s s"], width: int) -> Float[Tensor, "b s s"]:
+    """Largest height in the square of `width` pixels around each pixel."""
+    h = F.max_pool2d(height[:, None], (1, width), 1, (0, width // 2))
+    return F.max_pool2d(h, (width, 1), 1, (width // 2, 0))[:, 0]
 
 
 def gather(rows: Float[Tensor, "b r k"], row: Int[Tensor, "b q m"]) -> Float[Tensor, "b q k"]:

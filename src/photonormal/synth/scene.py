@@ -117,7 +117,7 @@ def windows(
     mask, k, c = geometry.mask, recipe.crops, recipe.crop
     b, s, _ = mask.shape
     side = s - c + 1
-    below = _highest_near(torch.where(mask, geometry.height, EMPTY), c | 1) - geometry.height
+    below = bounce.highest_near(torch.where(mask, geometry.height, EMPTY), c | 1) - geometry.height
     maps = torch.cat([mask[:, None], geometry.normals, (below * mask)[:, None] / c], 1)
     total = F.pad(maps.double().cumsum(-1).cumsum(-2), (1, 0, 1, 0))  # (b, 5, s + 1, s + 1)
     total = total[..., c:, c:] - total[..., :-c, c:] - total[..., c:, :-c] + total[..., :-c, :-c]
@@ -135,12 +135,6 @@ def windows(
         score = score + recipe.hollows * mean[:, 4].clamp(max=1)
         first = torch.cat([first, score.scatter(1, first, -1).where(good, -1).topk(k - even, 1).indices], 1)
     return first // side * s + first % side, good.sum(1) >= k
-
-
-def _highest_near(height: Float[Tensor, "b s s"], width: int) -> Float[Tensor, "b s s"]:
-    """Largest height in the square of `width` pixels around each pixel."""
-    h = F.max_pool2d(height[:, None], (1, width), 1, (0, width // 2))
-    return F.max_pool2d(h, (width, 1), 1, (width // 2, 0))[:, 0]
 
 
 def shaded(
@@ -172,13 +166,14 @@ def shaded(
         """Images under some of the lights, of what each sees."""
         D, arriving = lights_at(recipe, geometry, L, every)
         cos_l = cosines(N.transpose(1, 2), D).transpose(1, 2)  # (b, m, p + q)
-        lit = shade(visible * arriving, cos_l)
+        arriving = visible * arriving
         lz = L[..., 2:] if D is L else D[:, :p, :, 2].transpose(1, 2)  # (b, m, 1 or p)
         lv = (2 + 2 * lz).sqrt()  # |l + v|
         cos_l = cos_l[..., :p]
-        out = radiance(skins, cos_l, cos_v, ((cos_l + cos_v) / lv).clamp(max=1), lv / 2) * lit[:, :, None, :p]
+        out = radiance(skins, cos_l, cos_v, ((cos_l + cos_v) / lv).clamp(max=1), lv / 2)
+        out *= shade(arriving[..., :p], cos_l)[:, :, None]
         if bounced is not None:
-            out += albedo * bounced(L, lit[..., p:])
+            out += albedo * bounced(L, arriving[..., p:])
         return out + ambient
 
     parts = zip(scenes.lights.split(few, 1), visible.split(few, 1), strict=True)
@@ -219,7 +214,7 @@ def _bounced(
     shelf: Library | None,
     seed: int,
 ) -> Callable[[Tensor, Tensor], Tensor]:
-    """From lights (b, n, 3) and how they light patches (b, n, q) to what pixels reflect (b, n, 3, p), over albedo.
+    """From lights (b, n, 3) and what arrives at patches (b, n, q) to what pixels reflect (b, n, 3, p), over albedo.
 
     Ways from the camera by pixels to what they see are found once, with how much of the light along each a pixel
     sends to the camera; what is seen reflects each light into them by its own material.
@@ -229,18 +224,19 @@ def _bounced(
     on = geometry.mask.flatten(1) & (asked | (recipe.bounces > 1))
     M = geometry.normals.flatten(2).transpose(1, 2)  # (b, s s, 3)
     near = bounce.around(on, M, pixels)
-    directions, density = bounce.rays(M, seed)
-    height, behind, _ = heights(geometry).unbind(1)
-    found = bounce.hits(height, behind, geometry.normals, on, directions)
-    met = (found >= 0).flatten(1)  # (b, s s m)
+    pixel = indices(on)  # (b, r), filled up with others that send no rays
+    directions, density = bounce.rays(M.gather(1, pixel[..., None].expand(-1, -1, 3)), seed)
+    found = bounce.hits(heights(geometry), geometry.normals, pixel, directions)  # (b, r, m)
+    met = ((found >= 0) & on.gather(1, pixel)[..., None]).flatten(1)
     way = indices(met)  # (b, k)
-    row = torch.where(found >= 0, (met.cumsum(1) - 1).view_as(found), -1)  # number of each ray among the ways
+    row = torch.where(met, met.cumsum(1) - 1, -1).view_as(found)  # number of each ray among the ways
+    row = row.new_full((b, s * s, bounce.RAYS), -1).scatter(1, pixel[..., None].expand_as(row), row)
 
     def along(values: Tensor) -> Tensor:
         return values.flatten(1, 2).gather(1, way)
 
     d = torch.stack([along(x) for x in directions.unbind(-1)], 1)  # (b, 3, k) from a pixel
-    here, there = way // bounce.RAYS, along(found).clamp(min=0)
+    here, there = pixel.gather(1, way // bounce.RAYS), along(found).clamp(min=0)
 
     def skins(pixel: Tensor) -> tuple[list[Skin], Tensor]:
         return dress(scenes.coats, at_points(geometry.points, pixel), shelf), at_points(geometry.normals, pixel)
@@ -257,12 +253,13 @@ def _bounced(
     patch = (there // s // PATCH) * (s // PATCH) + there % s // PATCH
     cos_o = -(n * d).sum(1, keepdim=True)
 
-    def reflected(L: Tensor, lit: Tensor) -> Tensor:
+    def reflected(L: Tensor, arriving: Tensor) -> Tensor:
         D = lights_at(recipe, geometry, L, there)[0]
         lo = (2 - 2 * cosines(d.transpose(1, 2), D).transpose(1, 2)).clamp(min=1e-6).sqrt()  # |l + o|, (b, n, k)
         cos_l = cosines(n.transpose(1, 2), D).transpose(1, 2)
         sent = radiance(coat, cos_l, cos_o, ((cos_l + cos_o) / lo).clamp(max=1), lo / 2)  # (b, n, 3, k)
-        sent *= lit.gather(2, patch[:, None].expand(-1, lit.shape[1], -1))[:, :, None] * share[:, None]
+        lit = shade(arriving.gather(2, patch[:, None].expand(-1, L.shape[1], -1)), cos_l)
+        sent *= lit[:, :, None] * share[:, None]
         values = last = bounce.gather(sent.flatten(1, 2).transpose(1, 2), row)  # (b, s s, n 3)
         for _ in range(recipe.bounces - 1):  # what has arrived at a point leaves it as if it were matt
             arrived = bounce.spread(last, *everywhere).transpose(1, 2)  # (b, n 3, s s)

@@ -170,24 +170,15 @@ def march(
     """
     s = solid.shape[-1]
     top, leaves, enters = (heights.flatten() for heights in solid.unbind(1))
-    dc, dr, rise = step.unbind(1)
-    z = top[start]
-
-    def inside(x: Tensor, d: Tensor) -> Tensor:
-        """Steps until the ray leaves the picture."""
-        return torch.where(d > 0, s - 1 - x, x) / d.abs().clamp(min=1e-6)
-
+    slope, major, minor, steps, rise = grid_steps(start, step, s)
+    z, at = top[start], start.int()
     highest = solid[:, 0].amax((1, 2))[start // (s * s)]
-    steps = torch.minimum(inside(start % s, dc), inside(start // s % s, dr)).minimum(reach)
-    steps = steps.minimum((highest - z) / rise.clamp(min=1e-3))
-    along = dc.abs() >= dr.abs()
-    major, minor = torch.where(along, dc.sign(), s * dr.sign()).int(), torch.where(along, s, 1).int()  # of the index
-    slope, at = torch.where(along, dr, dc), start.int()
+    steps = steps.minimum(reach).minimum((highest - z) / rise.clamp(min=1e-3))
 
     def depth(index: Int[Tensor, "2 m k"], ray: Float[Tensor, "m k"]) -> Float[Tensor, "2 m k"]:
         """Of rays in the solid, negative outside of it."""
         h, l, e = (x.index_select(0, index.flatten()).view_as(index) for x in (top, leaves, enters))
-        return torch.maximum(torch.minimum(h - ray, ray - l), e - ray)
+        return depth_in(h, l, e, ray)
 
     rays, deepest = torch.arange(len(z), device=z.device), torch.full_like(z, -1.0)
     begin = 1
@@ -207,3 +198,27 @@ def march(
             x[open] for x in (rays, at, z, rise, slope, major, minor, steps)
         )
     return deepest
+
+
+def grid_steps(
+    start: Int[Tensor, " k"], step: Float[Tensor, "k 3"], s: int
+) -> tuple[Float[Tensor, " k"], Int[Tensor, " k"], Int[Tensor, " k"], Float[Tensor, " k"], Float[Tensor, " k"]]:
+    """Rays from pixels whose steps (columns, rows, height) are one pixel along the longer of the first two.
+
+    Pixels across that at each step; what a pixel along and across adds to an index; steps until the ray leaves the
+    picture of side `s`; and the rise at each.
+    """
+    dc, dr, rise = step.unbind(1)
+
+    def inside(x: Tensor, d: Tensor) -> Tensor:
+        return torch.where(d > 0, s - 1 - x, x) / d.abs().clamp(min=1e-6)
+
+    along = dc.abs() >= dr.abs()
+    major, minor = torch.where(along, dc.sign(), s * dr.sign()).int(), torch.where(along, s, 1).int()
+    last = torch.minimum(inside(start % s, dc), inside(start // s % s, dr))
+    return torch.where(along, dr, dc), major, minor, last, rise
+
+
+def depth_in(top: Tensor, leaves: Tensor, enters: Tensor, level: Tensor) -> Tensor:
+    """How deep in the solid a height is, negative outside of it."""
+    return torch.maximum(torch.minimum(top - level, level - leaves), enters - level)

@@ -10,6 +10,7 @@ from photonormal.resources import by_one_thread
 from photonormal.types import Capture
 
 FAR_DEG = 16.0  # in the mean: lights that are 15 degrees off are mended, what is farther off may be something else
+ALONE = 5.0  # times the mean by which one light moves that stands alone; of lights that are all a little off, up to 3.7
 
 
 @by_one_thread()
@@ -46,6 +47,12 @@ def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
         message = (
             f"the photographs fit lights better that are {where}: so far that the given ones may be another capture's, "
             "or in another order; compare them with the rig."
+        )
+        return [Finding("lights", False, message, {"moved_deg": moved})]
+    if moved[worst] > ALONE * mean:
+        message = (
+            f"the photographs fit lights better that are {where}: look at that photograph and at its light, and if "
+            "it is the light that is wrong, correct it or measure with --refine-lights."
         )
         return [Finding("lights", False, message, {"moved_deg": moved})]
     message = f"the photographs fit lights better that are {where}; measure with --refine-lights."

@@ -160,3 +160,12 @@ def test_lights_that_are_off_by_much_more_are_doubted_and_not_mended_unasked():
     true = lambertian(sphere(64), scattered(20))
     (found,) = pn.check(replace(true, lights=shaken(true.lights, 20)))
     assert found.kind == "lights" and found.lights is None and "another capture's" in found.message
+
+
+def test_of_one_light_that_is_off_by_far_the_photograph_is_named_and_no_light_offered():
+    true = lambertian(sphere(64), scattered(20))
+    L = true.known_lights().copy()
+    L[7] = [0.0, 0.0, 1.0]
+    (found,) = pn.check(replace(true, lights=L))
+    assert found.kind == "lights" and found.lights is None and "look at that photograph" in found.message
+    assert true.image_names[7] in found.message

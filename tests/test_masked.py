@@ -1,6 +1,6 @@
 import numpy as np
 
-from photonormal.masked import grid_bands, means, numbered, on_map, picked, row_bands, taken
+from photonormal.masked import grid_bands, made_smaller, means, numbered, on_map, picked, row_bands, taken
 
 
 def test_bands_hold_every_pixel_once_and_few_of_them():
@@ -48,3 +48,9 @@ def test_means_over_squares_count_what_is_left_over_at_the_edge_again():
     assert found.shape == (3, 4) and means(map, 1) is map
     assert found[0, 0] == map[:2, :2].mean() and found[2, 0] == map[4, :2].mean() and found[2, 3] == map[4, 6]
     assert np.array_equal(means(np.stack([map, -map], -1), 2), np.stack([found, -found], -1))
+
+
+def test_a_strip_made_smaller_keeps_a_row():
+    for shape, smaller in (((6, 4000), (1, 40)), ((4000, 6, 3), (40, 1, 3)), ((600, 400), (6, 4))):
+        found = made_smaller(np.full(shape, 0.5, np.float32), 0.01)
+        assert found.shape == smaller and (found == 0.5).all()

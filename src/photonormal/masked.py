@@ -73,6 +73,17 @@ def means(map: Shaped[np.ndarray, "h w ..."], step: int) -> Shaped[np.ndarray, "
     return padded.reshape(-(-h // step), step, -(-w // step), step, *map.shape[2:]).mean((1, 3))
 
 
+def made_smaller(picture: Shaped[np.ndarray, "h w ..."], scale: float) -> Shaped[np.ndarray, "i j ..."]:
+    """By a factor, of means over areas; no less than a pixel a side is left. Itself where the factor is not below 1."""
+    import cv2
+
+    if scale >= 1:
+        return picture
+    h, w = (max(1, round(scale * side)) for side in picture.shape[:2])
+    size = (w, h) if 1 in (h, w) else None  # else OpenCV's own, by the factor alone
+    return np.asarray(cv2.resize(picture, size, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+
+
 def box_of(mask: Bool[np.ndarray, "h w"], margin: int = 0) -> tuple[slice, slice]:
     """Rows and columns of the smallest box around the mask, grown by `margin` pixels within the frame; of an empty
     mask, the frame."""

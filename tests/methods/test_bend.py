@@ -5,6 +5,7 @@ import pytest
 
 from photonormal.methods import bend
 from photonormal.methods.bend import LEAST, PART, bend_deg
+from photonormal.methods.between import between
 from photonormal.types import Normals
 from tests.scenes import sphere
 
@@ -38,3 +39,11 @@ def test_some_rows_and_columns_of_a_large_object_tell_the_same(monkeypatch):
     some = bend_deg(ball)
     assert (np.isfinite(some) == ball.mask).all()
     assert np.abs(np.log(some / whole))[ball.mask].mean() < 0.1
+
+
+def test_values_between_those_of_a_grid_of_any_size():
+    for shape in ((4, 40000), (40000, 4)):
+        y, x = np.indices(shape)
+        values = np.exp((x + y) / 1e4)
+        found = between(values[::2, ::2], np.ones(shape, bool), 2)
+        assert np.abs(found / values - 1)[:-1, :-1].max() < 1e-4

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
-from photonormal.masked import on_rim
+from photonormal.masked import made_smaller, on_rim
 from photonormal.types import InputError
 
 SIZE = 600  # longest side at which the mask is found
@@ -37,9 +37,7 @@ def things_from_shading(pictures: Float[np.ndarray, "n h w"]) -> list[Bool[np.nd
 
     level = np.quantile(pictures, BRIGHT, axis=0).astype(np.float32)
     h, w = level.shape
-    scale = min(1.0, SIZE / max(h, w))
-    if scale < 1:
-        level = cv2.resize(level, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    level = made_smaller(level, SIZE / max(h, w))
     white = max(float(np.quantile(level, 0.99)), 1e-12)
     log = np.log(level / white + 0.01).clip(np.log(0.01), 0)
     grey = cv2.GaussianBlur(np.rint(255 * (1 - log / np.log(0.01))).astype(np.uint8), (0, 0), 1.5)

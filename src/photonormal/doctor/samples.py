@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float
 
 from photonormal.calibration.mask import mask_from_shading
 from photonormal.doctor.finding import Finding
-from photonormal.masked import box_of, on_rim, picked, row_bands
+from photonormal.masked import box_of, made_smaller, on_rim, picked, row_bands
 from photonormal.types import Capture, InputError
 
 PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
@@ -76,7 +76,7 @@ def read(capture: Capture) -> Samples:
         return (
             inside.mean(-1),
             saturated / count,
-            _small(grey, scale),
+            made_smaller(grey, scale),
             _bits(inside, white) if kind == np.uint16 else 8 * kind.itemsize,
         )
 
@@ -159,9 +159,3 @@ def _bits(samples: np.ndarray, white: np.ndarray | float) -> int:
 def _middle(part: slice, size: int, scale: float) -> float:
     """Where the middle of `size` pixels lies in a part of them that is made smaller."""
     return scale * (size / 2 - part.start) - 0.5
-
-
-def _small(grey: np.ndarray, scale: float) -> np.ndarray:
-    import cv2
-
-    return cv2.resize(grey, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else grey

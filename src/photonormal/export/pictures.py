@@ -10,6 +10,7 @@ from photonormal.export.labels import labelled
 from photonormal.export.mesh import display
 from photonormal.files.decode import decode, full_scale
 from photonormal.files.remarks import is_srgb
+from photonormal.masked import made_smaller
 from photonormal.scoring import SCALE_DEG, colours
 from photonormal.srgb import to_linear
 from photonormal.types import InputError, Normals
@@ -72,10 +73,7 @@ def thumbnail(normals: Normals, box: tuple[slice, slice]) -> np.ndarray:
 
 def _reduced(picture: np.ndarray, height: int = PREVIEW_HEIGHT) -> np.ndarray:
     """The picture at a height of so many pixels at most."""
-    import cv2
-
-    scale = height / len(picture)
-    return picture if scale >= 1 else cv2.resize(picture, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    return made_smaller(picture, height / len(picture))
 
 
 def linear(samples: np.ndarray, encoded: bool) -> np.ndarray:

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from photonormal.masked import box_of, means
 from photonormal.materials.exchange import form_factors, shadows
 from photonormal.methods.albedo import robust
-from photonormal.methods.between import everywhere
+from photonormal.methods.between import everywhere, tiles
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.types import Capture, Normals, Surface
 
@@ -31,7 +31,6 @@ REWEIGHTED = 20  # rounds of least squares that find least absolute deviations
 WHITE = 0.95  # most that the brightest parts reflect
 SAMPLES = 200  # in shadow, which are needed
 EXPLAINED = 0.25  # of what shadows show beside light from everywhere: less, and nothing is told
-ROWS = 256  # of a map made at a time
 
 
 @dataclass(frozen=True)
@@ -64,13 +63,12 @@ class Brightening:
         """Divide an albedo by the factor, in place."""
         import cv2
 
-        h, w = albedo.shape[:2]
         middle = (self.step - 1) / 2
-        for top in range(0, h, ROWS):
-            y, x = np.mgrid[top : min(top + ROWS, h), :w].astype(np.float32)
+        for part in tiles(*(slice(0, size) for size in albedo.shape[:2])):
+            y, x = np.mgrid[part].astype(np.float32)
             x, y = ((v - (first + middle)) / self.step for v, first in ((x, self.corner[1]), (y, self.corner[0])))
             logs = cv2.remap(self.logs, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            albedo[top : top + ROWS] *= np.exp(-logs).reshape(*x.shape, -1)
+            albedo[part] *= np.exp(-logs).reshape(*x.shape, -1)
 
 
 @dataclass(frozen=True)

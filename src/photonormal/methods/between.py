@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Bool, Float
 
 from photonormal.masked import box_of
 
-ROWS = 256  # of a map made at a time
+ROWS, COLUMNS = 256, 2**14  # of a map made at a time; OpenCV maps fewer than 2**15
 
 
 def everywhere(map: Float[np.ndarray, "h w *c"], known: Bool[np.ndarray, "h w"]) -> Float[np.ndarray, "h w *c"]:
@@ -32,12 +33,25 @@ def between(grid: Float[np.ndarray, "a b"], mask: Bool[np.ndarray, "h w"], step:
     small = grid[above : -(-box[0].stop // step) + 1, left : -(-box[1].stop // step) + 1]
     logs = np.log(everywhere(small, ~np.isnan(small))).astype(np.float32)
     full = np.full(mask.shape, np.nan, np.float32)
-    for top in range(box[0].start, box[0].stop, ROWS):
-        rows = slice(top, min(top + ROWS, box[0].stop))
-        y, x = np.mgrid[rows, box[1]].astype(np.float32) / np.float32(step)
-        first = top // step
-        part = logs[first - above : rows.stop // step + 2 - above]  # between which these rows lie
-        x, y = x - np.float32(left), y - np.float32(first)
+    for rows, columns in tiles(*box):
+        y, x = np.mgrid[rows, columns].astype(np.float32) / np.float32(step)
+        (first_y, near_y), (first_x, near_x) = (
+            _between_which(s, step, at) for s, at in ((rows, above), (columns, left))
+        )
+        x, y = x - np.float32(first_x), y - np.float32(first_y)
+        part = logs[near_y, near_x]
         values = np.exp(cv2.remap(part, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE))
-        full[rows, box[1]] = np.where(mask[rows, box[1]], values, np.nan)
+        full[rows, columns] = np.where(mask[rows, columns], values, np.nan)
     return full
+
+
+def tiles(rows: slice, columns: slice) -> Iterator[tuple[slice, slice]]:
+    """Parts of a map, of ROWS rows and COLUMNS columns at most."""
+    for top in range(rows.start, rows.stop, ROWS):
+        for left in range(columns.start, columns.stop, COLUMNS):
+            yield slice(top, min(top + ROWS, rows.stop)), slice(left, min(left + COLUMNS, columns.stop))
+
+
+def _between_which(part: slice, step: int, first: int) -> tuple[int, slice]:
+    """The grid's first row, or column, at some of a map's, and those between which they lie, counted from `first`."""
+    return part.start // step, slice(part.start // step - first, part.stop // step + 2 - first)

@@ -139,6 +139,11 @@ def test_a_reduced_object_is_in_the_middle_and_keeps_its_radiance():
         assert not image[0][~inside].any()
 
 
+def test_of_a_strip_too_thin_for_the_square_nothing_is_left():
+    found, inside = reduced(Capture(np.full((3, 2, 1000, 1), 0.5, np.float32)), 16)
+    assert found.shape == (3, 1, 16, 16) and not inside.any() and not found.any()
+
+
 def test_a_large_picture_is_reduced_some_rows_at_a_time(monkeypatch):
     y, x = np.mgrid[-1:1:310j, -1.5:1.5:470j]
     images = (2 + np.stack([x + y, x - y, np.sin(3 * x)]))[..., None].astype(np.float32)

@@ -27,7 +27,7 @@ def reduced(capture: Capture, side: int) -> tuple[Float[Tensor, "n c s s"], Bool
 
     rows, columns = box_of(capture.mask)
     step = max(1, max(rows.stop - rows.start, columns.stop - columns.start) // (DETAIL * side))
-    h, w = ((span.stop - span.start) // step for span in (rows, columns))
+    h, w = (max(1, (span.stop - span.start) // step) for span in (rows, columns))
     edge = int(np.ceil(AROUND * max(h, w)))
     top, left = (edge - h) // 2, (edge - w) // 2
     columns = slice(columns.start, columns.start + w * step)

@@ -128,7 +128,7 @@ def test_values_under_the_pointer(window):
     assert re.search(r"Normal-?0\.0\d\d, -?0\.0\d\d, (0\.99\d|1\.000)", text)
     assert "Height" in text and "True error0.0°" in text
     assert b.run("return [angle(5), angle(254)]") == ["1.3°", "63.5° or more"]
-    red, green, blue = (int(v) for v in re.search(r"Albedo(\d+), (\d+), (\d+)", text).groups())
+    red, green, blue = (int(v) for v in re.search(r"Albedoabout (\d+), (\d+), (\d+)", text).groups())
     assert red == green == blue > 240  # evenly white, over its own brightest part
 
 

@@ -110,3 +110,18 @@ def test_it_tells_where_the_page_is_and_ends_without_a_word(result):
         assert "open the address above" in process.stdout.readline()
         process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=60) == ("", "") and process.returncode == 130
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="the browser is a shell script")
+def test_a_browser_that_takes_the_terminal_is_answered(result, tmp_path):
+    script = f"""#!{sys.executable}
+import sys, urllib.request
+print(urllib.request.urlopen(sys.argv[1], timeout=30).status, flush=True)
+"""
+    (tmp_path / "w3m").write_text(script)
+    (tmp_path / "w3m").chmod(0o755)
+    nowhere = {**os.environ, "PATH": str(tmp_path), "DISPLAY": "", "WAYLAND_DISPLAY": "", "TERM": "xterm"}
+    command = [sys.executable, "-m", "photonormal", "view", str(result)]
+    with subprocess.Popen(command, env=nowhere, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline().startswith(f"http://{HOST}:") and process.stdout.readline() == "200\n"
+        process.send_signal(signal.SIGINT)

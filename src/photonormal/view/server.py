@@ -8,6 +8,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from photonormal.export.folder import REPORT
@@ -107,9 +108,14 @@ def serve(
     address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
     print(address, flush=True)
-    if browser and not webbrowser.open(address):
-        print("No browser opens from here; open the address above in one on this machine.", flush=True)
+    if browser:  # beside the server: some browsers, as those of a terminal, come back when they are closed
+        Thread(target=_open, args=(address,), daemon=True).start()
     server.run(sockets=[listening])
+
+
+def _open(address: str) -> None:
+    if not webbrowser.open(address):
+        print("No browser opens from here; open the address above in one on this machine.", flush=True)
 
 
 def marking_application(marking: Marking, token: str) -> FastAPI:

@@ -58,7 +58,7 @@ const measure = {
       rows.push(["Height", level ? this.length(about, this.height(about, level)) : "not known"]);
     }
     const colour = about.layers.albedo && (await this.colour(pane, Math.floor(x), Math.floor(y)));
-    if (colour) rows.push(["Albedo", `${colour.join(", ")} of 255`]);
+    if (colour) rows.push(["Albedo", `about ${colour.join(", ")} of 255`]); // colours are WebP
     for (const layer of ["expected", "error"])
       if (about.layers[layer]) {
         const [level] = await this.stored(pane, layer, Math.floor(x), Math.floor(y));

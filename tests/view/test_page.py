@@ -151,6 +151,11 @@ def test_the_surface_turns_and_is_measured(window):
     b = window
     b.click('[data-value="surface"]')
     b.settle()
+    picked = b.run(
+        "const { surface: s, pane } = page.panes[0];"
+        "return [[60, 40], [30, 50], [48, 75]].map(([x, y]) => s.pick(...s.project(x, y, pane), pane))"
+    )
+    assert picked == [[60, 40], [30, 50], [48, 75]]
     before = b.picture()[100:800, 100:1000].astype(int)
     assert (np.abs(before - before[0, 0]).max(-1) > 30).mean() > 0.15
     x, y = middle(b)

@@ -149,7 +149,7 @@ class Surface {
     ];
   }
 
-  // The grid's pixel that is seen nearest to a place of the pane; of those within a little of it, the foremost.
+  // The grid's pixel that is seen nearest to a place of the pane, unless another one near it lies far in front.
   pick(u, v, pane) {
     const m = this.matrix(),
       [sx, sy] = this.scales(pane),
@@ -163,7 +163,7 @@ class Surface {
       const dx = (2 * u - 1 - this.shift[0]) / sx - (m[0] * x + m[3] * y + m[6] * z);
       const dy = (1 - 2 * v - this.shift[1]) / sy - (m[1] * x + m[4] * y + m[7] * z);
       if (dx * dx + dy * dy > within * within) continue;
-      const depth = m[2] * x + m[5] * y + m[8] * z;
+      const depth = m[2] * x + m[5] * y + m[8] * z - 4 * Math.hypot(dx, dy); // neighbours on a slope are less in front
       if (depth > front) {
         front = depth;
         found = i / 3;

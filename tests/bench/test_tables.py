@@ -64,6 +64,24 @@ def test_a_row_of_fewer_draws_says_so(runs, tmp_path, run):
 X = Column("x", "object")
 
 
+def test_a_mean_over_many_objects_weighs_each_of_them_alike(runs, tmp_path, monkeypatch):
+    """Also where one of them has fewer draws."""
+    shutil.copytree(runs, tmp_path / "runs")
+    folder = tmp_path / "runs" / "trimmed" / "diligent"
+    for path in folder.glob("ball@6-00[12].*"):
+        path.unlink()
+    monkeypatch.setattr("photonormal.bench.tables.WIDE", 1)
+    draws = next(t for t in tables(tmp_path / "runs", ["trimmed"]) if t.protocol == "draws")
+    scores = json.loads((folder / "scores.json").read_text())
+    found = {}
+    for name, kept in scores.items():
+        if "@6-0" in name:
+            found.setdefault(name.split("@")[0], []).append(kept["score"]["mean_deg"])
+    assert sorted(map(len, found.values())) == [1, 3, 3]
+    expected = sum(sum(values) / len(values) for values in found.values()) / 3
+    assert draws.rows[0].cells["mean_deg"].value == pytest.approx(expected)
+
+
 def test_the_best_is_bold_and_the_second_underlined_with_ties():
     rows = (row("a", x=1.001, average=1), row("b", x=0.999, average=1), row("c", x=2.0, average=9), row("d", x=3.0))
     table = ErrorTable("d", "all", 96, ("0",), (X, AVERAGE), rows)

@@ -110,6 +110,27 @@ def test_no_materials_where_there_is_no_folder(tmp_path, monkeypatch):
         data_folder(tmp_path)
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("merl_sgd.csv", "name,a\nteflon,1\n", "merl_sgd.csv has no or incomplete rows but 33 numbers"),
+        ("merl_abc.csv", None, "merl_abc.csv can't be read as a table"),
+        ("merl_abc.csv", "name\n", "merl_abc.csv has no or incomplete rows but 9 numbers"),
+        ("merl_nbrdf.npz", None, "merl_nbrdf.npz can't be read as a table"),
+        ("merl_nbrdf.npz", "no archive", "merl_nbrdf.npz can't be read as a table"),
+    ],
+)
+def test_damaged_tables_of_materials_are_refused_in_one_line(tmp_path, name, content, message):
+    for table, width in (("merl_sgd.csv", 33), ("merl_abc.csv", 9)):
+        (tmp_path / table).write_text("name\nteflon" + ",0.5" * width + "\n")
+    if content is None:
+        (tmp_path / name).unlink(missing_ok=True)
+    else:
+        (tmp_path / name).write_text(content)
+    with pytest.raises(InputError, match=message):
+        library(tmp_path)
+
+
 @pytest.mark.data
 def test_splits_share_no_name(data):
     train, validation, every = (library(data / "brdf", split) for split in ("train", "validation", "all"))

@@ -5,13 +5,14 @@ import json
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import save_file
 
 import photonormal as pn
 from photonormal.capture.blobby import listed_samples
 from photonormal.disk import at_once
 from photonormal.synth import recipe, render
 from photonormal.synth.layout import BlobbyWriter, write_diligent
-from photonormal.synth.shards import read_shards
+from photonormal.synth.shards import read_shards, shard_sizes
 from photonormal.synth.stream import Stream
 from photonormal.types import InputError
 
@@ -102,6 +103,12 @@ def test_a_folder_without_shards_is_refused(tmp_path):
     (tmp_path / "0.safetensors").write_bytes(b"not a shard at all")
     with pytest.raises(InputError, match="not a shard"):
         list(read_shards(tmp_path))
+    tensors = {"images": torch.zeros(2, 4, 3, 8, 8), "lights": torch.zeros(2, 4, 3)}
+    tensors |= {"normals": torch.zeros(2, 3, 8, 8, dtype=torch.int16), "mask": torch.ones(2, 1, 8, 8).byte()}
+    for wrong in (tensors["images"], tensors["images"][:, :3].to(torch.uint16), tensors["images"][0].to(torch.uint16)):
+        save_file(tensors | {"images": wrong.contiguous()}, tmp_path / "0.safetensors")
+        with pytest.raises(InputError, match=r"not a shard of a rendered set \(it holds images"):
+            shard_sizes(tmp_path)
 
 
 def test_the_shipped_demonstration_is_hard_and_what_its_recipe_renders(tmp_path):

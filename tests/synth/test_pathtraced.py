@@ -185,6 +185,13 @@ def test_pleats_of_metal_come_back_from_their_files_and_have_its_colour(tmp_path
     assert red_over_blue(gold) > 1.8 and abs(red_over_blue(aluminium) - 1) < 0.1
 
 
+@pytest.mark.parametrize("content", ["{", "[]", '{"settings": {}}', '{"settings": {}, "seconds": 3}'])
+def test_a_damaged_list_of_what_is_rendered_is_refused(tmp_path, content):
+    (tmp_path / "set.json").write_text(content)
+    with pytest.raises(InputError, match="set.json is damaged; remove"):
+        render_scene_set("clean", tmp_path, 1, 4, 8)
+
+
 @pytest.mark.data
 @fast
 def test_measured_scenes_come_back_from_their_files(tmp_path, data):

@@ -29,6 +29,10 @@ def test_a_field_is_changed_in_a_copy():
         ("train", {"shapes": (1.0, -1.0, 0.0, 0.0, 0.0, 0.0, 1.0)}, "shares can't be negative"),
         ("train", {"dark": 1.2}, "dark is 1.2 but a share from 0 to 1 is needed"),
         ("train", {"jpeg": -0.1}, "jpeg is -0.1 but a share from 0 to 1 is needed"),
+        ("train", {"zoom": 2.0}, "zoom is 2.0 but a share from 0 to 1 is needed"),
+        ("train", {"noise": -0.1}, "noise is -0.1 but 0 or more is needed"),
+        ("train", {"distance": -3.0}, "distance is -3.0 but half widths above 0 are needed"),
+        ("train", {"solid": "buste"}, "solid is 'buste' but drawn or bust is needed"),
         ("train", {"materials": (0.0,) * 6}, "8 and 6, not all zero, are needed"),
     ],
 )

@@ -105,6 +105,8 @@ def test_a_network_for_a_rig_learns_its_lights_by_name(tmp_path):
     assert f"--lights {tmp_path / 'rig.lp'}" in card and '"rig": "6 lights, which the weights name"' in card
     with pytest.raises(InputError, match="name its lights with --lights"):
         run(tmp_path / "none", recipe)
+    with pytest.raises(InputError, match="--data came but a network for one rig learns"):
+        run(tmp_path / "none", recipe, lights=tmp_path / "rig.lp", data=[tmp_path])
     assert not (tmp_path / "none").exists()
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 from photonormal.bench.benchmarks import DILIGENT
 from photonormal.bench.published import Published, of_method, others
-from photonormal.bench.scores import Scored, all_scored
+from photonormal.bench.scores import Figures, Scored, all_scored
 from photonormal.bench.store import configs
 from photonormal.capture.pictures import natural
 from photonormal.methods import METHODS
@@ -236,7 +236,14 @@ def _row(
             with_sound = statistics.fmean(statistics.fmean(measured[instead.get(o, o)]) for o in objects)
             measured |= {c.name: [with_sound] for c in columns if c.kind == "sound average"}
     elif columns and objects:
-        measured = {c.name: [statistics.fmean(s.score[c.name] for s in mine if s.score is not None)] for c in columns}
+        figures: dict[str, list[Figures]] = {}  # of each object
+        for s in mine:
+            if s.score is not None and s.prediction.protocol != "sound":
+                figures.setdefault(s.prediction.object, []).append(s.score)
+        measured = {
+            c.name: [statistics.fmean(statistics.fmean(f[c.name] for f in draws) for draws in figures.values())]
+            for c in columns
+        }
     theirs = {c: next((p for p in sources if p.value(c, objects) is not None), None) for c in measured}
     cells = {}
     for column, values in measured.items():

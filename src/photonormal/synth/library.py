@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import torch
@@ -21,6 +22,7 @@ from photonormal.synth.brdf.neural import Neural
 from photonormal.types import InputError
 
 FAMILIES = ("principled", "sgd", "abc", "neural", "merl", "lambert")
+ADVICE = "restore it"
 HELD_OUT_EVERY = 7  # of the names in alphabetical order, from the fourth: never in the training split
 
 
@@ -56,16 +58,20 @@ def library(folder: Path | None, split: str = "train") -> Library | None:
         raise InputError(f"no split {split!r} of the materials; use train, validation or all.")
     if folder is None:
         return None
-    names, values = _table(folder / "merl_sgd.csv")
-    abc_names, abc_values = _table(folder / "merl_abc.csv")
-    with np.load(folder / "merl_nbrdf.npz") as z:
-        neural_names = [str(name) for name in z["material"]]
-        arrays = [z[key] for key in ("w1", "w2", "w3", "b1", "b2", "b3")]
+    names, values = _table(folder / "merl_sgd.csv", 33)
+    abc_names, abc_values = _table(folder / "merl_abc.csv", 9)
+    neural = folder / "merl_nbrdf.npz"
+    try:
+        with np.load(neural) as z:
+            neural_names = [str(name) for name in z["material"]]
+            arrays = [z[key] for key in ("w1", "w2", "w3", "b1", "b2", "b3")]
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise InputError(f"{neural} can't be read as a table of materials ({error}); {ADVICE}.") from None
     common = sorted(set(names) & set(abc_names) & set(neural_names))
     chosen = [
         name for i, name in enumerate(common) if split == "all" or (i % HELD_OUT_EVERY == 3) == (split != "train")
     ]
-    s = torch.from_numpy(values[[names.index(name) for name in chosen]])[:, :33].reshape(-1, 11, 3).contiguous()
+    s = torch.from_numpy(values[[names.index(name) for name in chosen]]).reshape(-1, 11, 3).contiguous()
     a = torch.from_numpy(abc_values[[abc_names.index(name) for name in chosen]]).contiguous()
     order = [neural_names.index(name) for name in chosen]
     w = tuple(torch.from_numpy(array[order].astype(np.float32)) for array in arrays)
@@ -115,10 +121,14 @@ def albedo(f: Callable[..., Tensor], cos_v: float = 0.8) -> Float[Tensor, "k 3"]
     return (values.clamp(max=200) * weight).sum(-1).reshape(-1, 3).clamp(0, 1)
 
 
-def _table(path: Path) -> tuple[list[str], np.ndarray]:
+def _table(path: Path, width: int) -> tuple[list[str], np.ndarray]:
+    """Names, and the first `width` numbers of each."""
     try:
         with path.open(newline="") as file:
-            rows = list(csv.reader(file))[1:]
-        return [row[0] for row in rows], np.array([row[1:] for row in rows], np.float32)
+            rows = [row for row in csv.reader(file) if row][1:]
+        values = np.array([row[1 : 1 + width] for row in rows], np.float32)
     except (OSError, ValueError) as error:
-        raise InputError(f"{path} can't be read as a table of materials ({error}).") from None
+        raise InputError(f"{path} can't be read as a table of materials ({error}); {ADVICE}.") from None
+    if values.shape != (len(rows), width) or not rows:
+        raise InputError(f"{path} has no or incomplete rows but {width} numbers a material are needed; {ADVICE}.")
+    return [row[0] for row in rows], values

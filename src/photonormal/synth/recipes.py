@@ -131,6 +131,12 @@ MIXTURES = {  # name -> recipes and their shares of the blocks of a stream
 }
 
 
+SHARES = (
+    "coverage", "zoom", "mesh_share", "varying", "narrow", "ambient", "bounce", "blurred", "saturated", "low_bits",
+    "dark", "jpeg", "gamma", "clipped", "corrupted",
+)  # fmt: skip
+
+
 def parts(name: str | Rendering, **changes: Any) -> list[tuple[Rendering, float]]:
     """The recipes of a mixture and their shares, which sum up to 1; or the one recipe of that name."""
     mixed = MIXTURES.get(name, ((name, 1),)) if isinstance(name, str) else ((name, 1),)
@@ -173,9 +179,16 @@ def check(made: Rendering) -> None:
         shares = getattr(made, key)
         if min(shares) < 0:
             raise InputError(f"{key} are {shares} but shares can't be negative; change them.")
-    for key in ("mesh_share", "dark", "jpeg", "gamma", "clipped"):
+    for key in SHARES:
         if not 0 <= getattr(made, key) <= 1:
             raise InputError(f"{key} is {getattr(made, key)} but a share from 0 to 1 is needed; change it.")
+    for key in ("hollows", "detail", "noise", "intensity_error", "light_error_deg"):
+        if not getattr(made, key) >= 0:
+            raise InputError(f"{key} is {getattr(made, key)} but 0 or more is needed; change it.")
+    if made.distance is not None and not made.distance > 0:
+        raise InputError(f"distance is {made.distance} but half widths above 0 are needed; change it.")
+    if made.solid not in ("drawn", "bust"):
+        raise InputError(f"solid is {made.solid!r} but drawn or bust is needed; change it.")
     if len(made.shapes) != 8 or len(made.materials) != 6 or not sum(made.shapes) * sum(made.materials):
         raise InputError(
             f"shapes has {len(made.shapes)} shares and materials {len(made.materials)} but 8 and 6, not all zero, "

@@ -50,9 +50,14 @@ def shard_sizes(folder: Path) -> dict[Path, list[int]]:
     sizes = {}
     for path in paths:
         with _opened(path) as file:
-            sizes[path] = file.get_slice("images").get_shape()
-            for name in TENSORS:
-                file.get_slice(name)
+            stored = [file.get_slice(name) for name in TENSORS]
+            shapes, kinds = ([getattr(s, what)() for s in stored] for what in ("get_shape", "get_dtype"))
+        b, n, _, h, w = shapes[0] if len(shapes[0]) == 5 else [0] * 5
+        needed = [[b, n, 3, h, w], [b, n, 3], [b, 3, h, w], [b, 1, h, w]]
+        if not b or shapes != needed or kinds != ["U16", "F32", "I16", "U8"]:
+            found = ", ".join(f"{name} {k} {s}" for name, k, s in zip(TENSORS, kinds, shapes, strict=True))
+            raise InputError(f"{path} is not a shard of a rendered set (it holds {found}); render it again.")
+        sizes[path] = shapes[0]
     return sizes
 
 

@@ -24,7 +24,6 @@ log = logging.getLogger(__name__)
 NAME = "journal.jsonl"
 LONGEST = 2**16  # bytes of a line
 EVERY = 50  # steps between two entries
-MEMORY = 0.98  # share of the past in the running loss
 
 
 class TrainingRecord:

@@ -227,7 +227,9 @@ def _open(out: Path, settings: dict[str, Any]) -> dict[str, float]:
     except OSError as error:
         raise InputError(f"{path} can't be read ({error.strerror}); give another folder.") from None
     except ValueError:
-        raise InputError(f"{path} is damaged; remove {out} and render the set again.") from None
+        kept = None
+    if not isinstance(kept, dict) or not isinstance(kept.get("seconds"), dict):
+        raise InputError(f"{path} is damaged; remove {out} and render the set again.")
     if kept.get("settings") != settings:
         raise InputError(f"{out} holds a set made with other arguments; give another folder or remove that one.")
     return kept["seconds"]

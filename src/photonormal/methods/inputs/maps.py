@@ -1,7 +1,8 @@
 """Observation maps: the samples of one pixel as a small picture, each where its light comes from.
 
-S. Ikehata, "CNN-PS: CNN-based photometric stereo for general non-convex surfaces", ECCV 2018. Of samples in one cell
-the brightest stays, so that neither order nor portions of the images matter.
+S. Ikehata, "CNN-PS: CNN-based photometric stereo for general non-convex surfaces", ECCV 2018. A sample goes to the
+nearest cell, whose place the paper rounds down. Of samples in one cell the brightest stays, of the paper's the last, so
+that neither order nor portions of the images matter.
 """
 
 from __future__ import annotations

@@ -28,6 +28,8 @@ BEGIN = 0.1  # of Kaiming's weights, with which a bottleneck begins beside its s
 class AttentionPSNConfig:
     """The network's switches; the defaults are the paper's: 118 layers, as in ResNet-152, and 512 channels fused.
 
+    ResNet-152 has 1,024 channels there, so both do not go together; here all bottlenecks after the third give 512.
+
     Parameters
     ----------
     width : channels within the first bottlenecks; four and eight times as many leave those at half and at a quarter

@@ -1,4 +1,9 @@
-"""DPSN: H. Santo, M. Samejima, Y. Sugano, B. Shi, Y. Matsushita, "Deep photometric stereo network", ICCVW 2017."""
+"""DPSN: H. Santo, M. Samejima, Y. Sugano, B. Shi, Y. Matsushita, "Deep photometric stereo network", ICCVW 2017.
+
+The paper takes the mean of the normals of three channels; here the network reads grey levels, scaled and cut as those
+of all networks of pixels are. Of its dropout that of the samples stays, its shadow layer, as `dark` of a training's
+recipe, with a fixed rate: no sample of a stream comes twice.
+"""
 
 from __future__ import annotations
 

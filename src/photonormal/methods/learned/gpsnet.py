@@ -76,7 +76,8 @@ class GPSNet(PixelNetwork):
 class Filters(nn.Module):
     """Structure-aware graph convolution of a star: how a leaf x relates to the pixel decides how its numbers weigh.
 
-    r = tanh(s(s(x M1) M2) M3), s LeakyReLU; a filter V gives w = (T_0(r), ..., T_31(r)) V and x.w.
+    r = tanh(s(s(x M1) M2) M3), s LeakyReLU; a filter V gives w = (T_0(r), ..., T_31(r)) V and x.w. One r serves all
+    filters, as in the authors' code; the paper has one for each.
     """
 
     def __init__(self, filters: int, order: int) -> None:

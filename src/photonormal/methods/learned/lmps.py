@@ -2,6 +2,8 @@
 
 Few lights, and which: the network measures under any of a rig's lamps, so that it can be asked what each is worth
 (`photonormal.lamp_choice`). The paper learns that as a table over the cells of one rig's map, with the network.
+Where its occlusion layer blackens one side of a chord through the map, samples are made black by chance, as `dark` of a
+training's recipe says.
 """
 
 from __future__ import annotations

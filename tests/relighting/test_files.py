@@ -19,7 +19,7 @@ from photonormal.masked import box_of
 from photonormal.relighting import FORMATS, bases, deepzoom, files, web
 from photonormal.relighting.fit import RIDGE, RelightingFit
 from photonormal.srgb import from_linear
-from photonormal.types import Capture
+from photonormal.types import Capture, InputError
 from tests.scenes import sphere, write_diligent
 
 KINDS = tuple(FORMATS)
@@ -261,3 +261,10 @@ def test_what_viewers_can_not_read_is_refused(result, tmp_path, capsys, monkeypa
     monkeypatch.setattr(files, "LARGEST", 1000)
     assert main(["export", str(result), "--to", "hsh", "--out", str(tmp_path / "b.rti")]) == 2
     assert "--crop" in capsys.readouterr().err and not (tmp_path / "b.rti").exists()
+
+
+def test_a_jpeg_ends_where_libjpeg_does():
+    widest = np.zeros((1, web.LARGEST, 3), np.uint8)
+    assert cv2.imdecode(np.frombuffer(web.jpeg(widest), np.uint8), -1).shape == widest.shape
+    with pytest.raises(InputError, match="65501 x 1 pixels"):
+        web.jpeg(np.zeros((1, web.LARGEST + 1, 3), np.uint8))

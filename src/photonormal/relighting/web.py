@@ -11,11 +11,11 @@ from photonormal.progress import progress
 from photonormal.relighting import FORMATS, deepzoom
 from photonormal.relighting.codes import Codes
 from photonormal.relighting.fit import RelightingFit, pieces
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture, InputError, in_pixels
 
 QUALITY = 95  # of JPEG
 RIDGE = 3e-4  # of the fit: JPEG leaves larger errors than 8 bits do
-LARGEST = 65535  # pixels of a JPEG picture's side
+LARGEST = 65500  # pixels of a JPEG picture's side, as libjpeg writes it
 TEXTURE = 4096  # pixels of a picture's side that every graphics card takes; larger ones become tiles for OpenLIME
 PTM = [5, 3, 4, 0, 2, 1]  # 1, u, v, u^2, u v, v^2: their order here, as places in the order of .ptm files
 VERSION = "https://cdn.jsdelivr.net/npm/openlime@1/dist"
@@ -79,9 +79,11 @@ def write(capture: Capture, kind: str, folder: FileBatch, webp: bool = False) ->
 
 
 def jpeg(rgb: np.ndarray) -> bytes:
-    """JPEG of (h, w, 3) RGB samples of 8 bits."""
+    """JPEG of (h, w, 3) RGB samples of 8 bits; InputError where a side is longer than LARGEST."""
     import cv2
 
+    if max(rgb.shape) > LARGEST:
+        raise InputError(f"the picture has {in_pixels(rgb.shape)} but JPEG ends at {LARGEST} a side; choose a .png.")
     how = [cv2.IMWRITE_JPEG_QUALITY, QUALITY, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
     return cv2.imencode(".jpg", np.ascontiguousarray(rgb[..., ::-1]), how)[1].tobytes()
 

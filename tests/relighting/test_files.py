@@ -240,7 +240,7 @@ def test_a_result_becomes_a_folder_for_the_web_or_nothing(result, tmp_path, caps
         err = capsys.readouterr().err
         assert says in err and len(err.splitlines()) == 1 and sorted(tmp_path.rglob("*")) == before
 
-    web_folder, lime = tmp_path / "web", tmp_path / "lime"
+    web_folder, lime = tmp_path / "web", tmp_path / "a lime"
     assert main(["export", str(result), "--to", "relight", "--out", str(web_folder)]) == 0
     assert {p.name for p in web_folder.iterdir()} == {"info.json", *(f"plane_{j}.jpg" for j in range(6))}
     refused("--to", "relight", "--out", web_folder, says="--overwrite")
@@ -251,7 +251,7 @@ def test_a_result_becomes_a_folder_for_the_web_or_nothing(result, tmp_path, caps
         refused(*words, "--out", lime, says=f"{words[2]} came without --to")
     capsys.readouterr()
     assert main(["export", str(result), "--to", "openlime-hsh", "--out", str(lime)]) == 0
-    assert f"python -m http.server --directory {lime}" in capsys.readouterr().err
+    assert f"python -m http.server --directory '{lime}'" in capsys.readouterr().err
     assert "info.json" in (lime / "index.html").read_text() and len(list(lime.glob("plane_*.jpg"))) == 9
     monkeypatch.setattr(web, "LARGEST", 20)
     refused("--to", "relight", "--out", tmp_path / "large", says="openlime")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -152,7 +153,8 @@ class Export:
 
             path = export_relighting(result, self.to, out, self.capture, self.overwrite, self.webp)
             if self.to.startswith("openlime"):
-                tell(f"Browsers open it from a web server alone, such as: python -m http.server --directory {path}")
+                folder = shlex.quote(str(path))
+                tell(f"Browsers open it from a web server alone, such as: python -m http.server --directory {folder}")
             return path
         from photonormal.handover.relit import export_relit
 

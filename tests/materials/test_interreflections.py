@@ -56,7 +56,7 @@ def corrected(capture, surface, normals=None):
     return found, before, albedo
 
 
-@pytest.mark.parametrize("exposure", [1.0, 0.4])
+@pytest.mark.parametrize("exposure", [1.0, 0.4, 65535.0])
 @pytest.mark.parametrize("ambient", [0.0, 0.015])
 def test_a_bowl_has_one_albedo_and_its_shadows_tell_the_exposure(exposure, ambient):
     capture, surface, well = bowl(exposure=exposure, ambient=ambient)
@@ -67,6 +67,7 @@ def test_a_bowl_has_one_albedo_and_its_shadows_tell_the_exposure(exposure, ambie
     assert np.abs(np.median(after[well], axis=0) / plate - 1).max() < 0.025
     assert np.abs(after[0, 0] / plate - 1).max() < 0.005
     assert found.as_dict()["most_percent"] > 13
+    assert np.allclose(found.as_dict()["exposure"], found.exposure, rtol=1e-3)
 
 
 def test_where_shadows_are_black_nothing_is_taken_out():

@@ -56,7 +56,7 @@ class Brightening:
         return {
             "median_percent": round(float(np.median(percent)), 2),
             "most_percent": round(float(percent.max()), 2),
-            "exposure": [round(float(k), 3) for k in self.exposure],
+            "exposure": [float(f"{k:.4g}") for k in self.exposure],  # small where samples are large numbers
         }
 
     def take_from(self, albedo: Float[np.ndarray, "h w 3"]) -> None:

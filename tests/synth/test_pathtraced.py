@@ -188,7 +188,7 @@ def test_pleats_of_metal_come_back_from_their_files_and_have_its_colour(tmp_path
 @pytest.mark.parametrize("content", ["{", "[]", '{"settings": {}}', '{"settings": {}, "seconds": 3}'])
 def test_a_damaged_list_of_what_is_rendered_is_refused(tmp_path, content):
     (tmp_path / "set.json").write_text(content)
-    with pytest.raises(InputError, match="set.json is damaged; remove"):
+    with pytest.raises(InputError, match=r"set\.json is damaged; remove"):
         render_scene_set("clean", tmp_path, 1, 4, 8)
 
 

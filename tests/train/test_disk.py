@@ -6,6 +6,7 @@ import shutil
 from collections import Counter
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 import torch
@@ -113,6 +114,20 @@ def test_the_split_is_the_set_s_own(root, monkeypatch):
     seen.clear()
     exams = Disk([root], RECIPE).exams(4, CPU)
     assert sorted(seen) == sorted(kept) and list(exams) == ["blobby-paper"]
+
+
+def test_lists_that_windows_wrote_are_the_same(root):
+    names = Disk([root], RECIPE).sets[0].training
+    edit(root / "train_mtrl.txt", lambda t: t.replace("/", "\\").replace("\n", "\r\n\r\n"))
+    assert Disk([root], RECIPE).sets[0].training == names
+    Disk([root], RECIPE).check()
+
+
+def test_a_grey_map_of_normals_is_named(root):
+    path = root / "Images" / "blob01" / "blob01_normal.png"
+    cv2.imwrite(str(path), cv2.imread(str(path))[..., 0])
+    with pytest.raises(InputError, match="blob01_normal.png is grey but normals have three channels"):
+        Disk([root], RECIPE).sets[0].read(SAMPLE)
 
 
 def test_two_sets_are_learned_from_in_the_proportion_of_their_samples(root, tmp_path, monkeypatch):
@@ -227,6 +242,10 @@ BROKEN = {
     "a line is broken": (
         lambda r: edit(folder(r) / "blob01_matt-3.txt", lambda t: t + "one.png 0 0\n"),
         "line 7 of .*blob01_matt-3.txt",
+    ),
+    "more than a light": (
+        lambda r: edit(folder(r) / "blob01_matt-3.txt", lambda t: t.replace("\n", " 1.0\n")),
+        "blob01_matt-3.txt has more than `picture x y z` after blob01_matt-3_l_",
     ),
     "no normals": (lambda r: (folder(r).parent / "blob01_normal.png").unlink(), "blob01_normal.png is missing"),
     "another size": (

@@ -10,6 +10,7 @@ Images/<shape>/
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,8 @@ def read(path: Path, choice: Choice) -> Capture:
     """The sample in a material's folder; its mask is where the normal map holds a normal."""
     names, lights = listed(path)
     map = decode(normal_map(path))
+    if map.shape[-1] != 3:
+        raise InputError(f"{normal_map(path)} is grey but normals have three channels; restore it.")
     truth = map / full_scale(map) * 2 - 1
     length = np.linalg.norm(truth, axis=-1, keepdims=True)
     truth = np.where(length > 0.1, truth / length.clip(1e-6), 0)  # background is 127, which is -0.004
@@ -46,7 +49,16 @@ def read(path: Path, choice: Choice) -> Capture:
 def listed(path: Path) -> tuple[list[str], np.ndarray]:
     """The pictures in a sample's folder that its list names, and their lights (n, 3) as written."""
     names, lights = read_named(read_lines(_list(path)), _list(path))
+    if longer := [n for n in names if re.search(r"\S\s+[-+\d.,e]+$", n)]:
+        raise InputError(
+            f"{_list(path)} has more than `picture x y z` after {longer[0].split()[0]}; leave the rest out."
+        )
     return [last_part(n) for n in names], lights
+
+
+def keys(file: Path) -> list[str]:
+    """What a list of samples names, `shape/material` each, also where Windows wrote it."""
+    return [line.replace("\\", "/") for line in read_lines(file)]
 
 
 def listed_samples(root: Path) -> list[Path]:
@@ -54,7 +66,7 @@ def listed_samples(root: Path) -> list[Path]:
     lists = [root] if root.is_file() else [p for p in (root / "train_mtrl.txt", root / "val_mtrl.txt") if p.exists()]
     if not lists:
         raise InputError(f"{root} has no train_mtrl.txt or val_mtrl.txt; give the root of a Blobby or Sculpture set.")
-    return [file.parent / "Images" / line for file in lists for line in read_lines(file)]
+    return [file.parent / "Images" / key for file in lists for key in keys(file)]
 
 
 def _list(path: Path) -> Path:

@@ -16,7 +16,6 @@ import numpy as np
 
 from photonormal.capture import blobby
 from photonormal.capture.assemble import Choice
-from photonormal.capture.texts import read_lines
 from photonormal.files.decode import frame_of
 from photonormal.train.sets import SampleSet, Shape
 from photonormal.types import Capture, InputError
@@ -35,7 +34,7 @@ class BlobbySet(SampleSet):
         for name in LISTS:
             if not (root / name).is_file():
                 raise InputError(f"{root} has no {name} but its split is needed; restore the set's own lists.")
-        self.training, self.validation = (tuple(read_lines(root / name)) for name in LISTS)
+        self.training, self.validation = (tuple(blobby.keys(root / name)) for name in LISTS)
 
     @classmethod
     def matches(cls, root: Path) -> bool:

@@ -126,7 +126,7 @@ def test_lists_that_windows_wrote_are_the_same(root):
 def test_a_grey_map_of_normals_is_named(root):
     path = root / "Images" / "blob01" / "blob01_normal.png"
     cv2.imwrite(str(path), cv2.imread(str(path))[..., 0])
-    with pytest.raises(InputError, match="blob01_normal.png is grey but normals have three channels"):
+    with pytest.raises(InputError, match=r"blob01_normal\.png is grey but normals have three channels"):
         Disk([root], RECIPE).sets[0].read(SAMPLE)
 
 

@@ -92,7 +92,7 @@ def same(a, b, unit=1.0):
 def test_exposure_changes_the_unit_alone_and_the_order_of_images_nothing():
     capture = shiny(0.35)
     found = materials_of(capture, capture.truth)
-    for exposure in (1e-7, 16, 2**16, 1e8):
+    for exposure in (1e-5, 16, 2**16, 1e8):
         brighter = replace(capture, images=np.float32(exposure) * np.asarray(capture.images))
         same(found, materials_of(brighter, capture.truth), exposure)
     order = np.random.default_rng(0).permutation(len(LIGHTS))

@@ -82,7 +82,7 @@ def test_light_counts_spread_over_the_range_and_stay_in_it():
 
 def test_windows_that_nothing_can_fill_are_an_error():
     with pytest.raises(InputError, match="lower coverage or crop"):
-        batches(1, shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), coverage=1.01)
+        batches(1, shapes=(1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), coverage=1.0, crop=47, crops=1, zoom=0.0)
 
 
 def test_a_mixture_draws_its_blocks_in_proportion():

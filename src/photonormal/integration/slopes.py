@@ -131,11 +131,13 @@ def adjacent(mask: Bool[np.ndarray, "h w"]) -> tuple[Bool[np.ndarray, "h w1"], B
 
 def part_means(parts: Int[np.ndarray, "h w"], values: Callable[[slice], np.ndarray]) -> Float[np.ndarray, " parts"]:
     """The mean of the values of some rows over each numbered part, of which there may be as many as pixels."""
-    total, size = np.zeros((2, int(parts.max()) + 1))
+    count = int(parts.max()) + 1
+    total, size = np.zeros((2, count))
     for y in range(0, len(parts), ROWS):
         rows = slice(y, min(y + ROWS, len(parts)))
-        np.add.at(total, parts[rows], values(rows))
-        np.add.at(size, parts[rows], 1)
+        numbers = parts[rows].ravel()
+        total += np.bincount(numbers, values(rows).ravel(), count)
+        size += np.bincount(numbers, minlength=count)
     return total / np.maximum(size, 1)
 
 

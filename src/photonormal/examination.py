@@ -42,18 +42,20 @@ def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
     moved = {name: round(float(v), 1) for name, v in zip(capture.image_names, better.moved_deg, strict=True)}
     worst = max(moved, key=moved.__getitem__)
     mean = float(better.moved_deg.mean())
-    where = f"{mean:.1f} degrees from the given ones in the mean, at most {moved[worst]:.1f} ({worst})"
+    message = (
+        f"the photographs fit lights better that are {mean:.1f} degrees from the given ones in the mean, at most "
+        f"{moved[worst]:.1f} ({worst})"
+    )
     if mean > FAR_DEG:
-        message = (
-            f"the photographs fit lights better that are {where}: so far that the given ones may be another capture's, "
-            "or in another order; compare them with the rig."
+        message += (
+            ": so far that the given ones may be another capture's, or in another order; compare them with the rig."
         )
-        return [Finding("lights", False, message, {"moved_deg": moved})]
-    if moved[worst] > ALONE * mean:
-        message = (
-            f"the photographs fit lights better that are {where}: look at that photograph and at its light, and if "
-            "it is the light that is wrong, correct it or measure with --refine-lights."
+    elif moved[worst] > ALONE * mean:
+        message += (
+            ": look at that photograph and at its light, and if it is the light that is wrong, correct it or measure "
+            "with --refine-lights."
         )
-        return [Finding("lights", False, message, {"moved_deg": moved})]
-    message = f"the photographs fit lights better that are {where}; measure with --refine-lights."
-    return [Finding("lights", False, message, {"moved_deg": moved}, better.lights, {"refine_lights": True})]
+    else:
+        message += "; measure with --refine-lights."
+        return [Finding("lights", False, message, {"moved_deg": moved}, better.lights, {"refine_lights": True})]
+    return [Finding("lights", False, message, {"moved_deg": moved})]

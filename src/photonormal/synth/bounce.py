@@ -9,7 +9,7 @@ import torch.nn.functional as F
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from photonormal.synth.shadows import depth_in, grid_steps
+from photonormal.synth.shadows import Rays, depth_in, grid_rays
 from photonormal.synth.trace import NOWHERE
 
 RAYS = 12  # from each pixel
@@ -68,20 +68,18 @@ def hits(
     d, start = directions.flatten(0, 2)[number], start[number // m].to(torch.int32)
     step = d * d.new_tensor([1, -1, 1])
     step = step / step[:, :2].abs().amax(1, True).clamp(min=1e-4)
-    slope, major, minor, last, rise = grid_steps(start, step, s)
-    z = top[start]
-    higher = solid[:, 0].amax((1, 2))[start // (s * s)] - z
-    last = torch.where(rise > 0, last.minimum(higher / rise.clamp(min=1e-3)), last)
-    k = _arrivals(solid, start, z, rise, slope, major, minor, last)
+    rays = grid_rays(start, top[start], step, s)
+    higher = solid[:, 0].amax((1, 2))[start // (s * s)] - rays.z
+    last = torch.where(rays.rise > 0, rays.last.minimum(higher / rays.rise.clamp(min=1e-3)), rays.last)
+    k = _arrivals(solid, rays._replace(last=last))
     arrived = k.nonzero()[:, 0]
-    way = (d, k, start, z, rise, slope, major, minor, last.floor())
-    d, k, start, z, rise, slope, major, minor, last = (x[arrived] for x in way)
-    seen = torch.full_like(start, -1)
+    d, k, rays, last = d[arrived], k[arrived], rays.some(arrived), last[arrived].floor()
+    seen = torch.full_like(rays.at, -1)
     for n in (1, -1, 0):  # the pixel at the arrival, or, where it looks away, the one before it or after it
         step = (k + n).minimum(last)
-        at = start + (step * major + (step * slope).round() * minor).to(torch.int32)
+        at = rays.at + (step * rays.major + (step * rays.slope).round() * rays.minor).to(torch.int32)
         seen = torch.where((M[at] * d).sum(1) < 0, at, seen)
-    level = z + k * rise
+    level = rays.z + k * rays.rise
     above = top[at] - level < level - leaves[at]
     seen = torch.where(above & (seen >= 0), seen % (s * s), -1)
     found = torch.full((len(outwards) * m,), -1, dtype=torch.int32, device=top.device)
@@ -89,16 +87,7 @@ def hits(
     return found.view(b, -1, m)
 
 
-def _arrivals(
-    solid: Float[Tensor, "b 3 s s"],
-    start: Int[Tensor, " k"],
-    z: Float[Tensor, " k"],
-    rise: Float[Tensor, " k"],
-    slope: Float[Tensor, " k"],
-    major: Int[Tensor, " k"],
-    minor: Int[Tensor, " k"],
-    last: Float[Tensor, " k"],
-) -> Float[Tensor, " k"]:
+def _arrivals(solid: Float[Tensor, "b 3 s s"], rays: Rays) -> Float[Tensor, " k"]:
     """Steps of one pixel after which each ray is in the solid; 0 where it never is.
 
     SKIP steps are taken at once where nothing near them is as high.
@@ -108,25 +97,25 @@ def _arrivals(
     looked = looked.movedim(1, -1).flatten(0, 2)  # what a step looks up, side by side in memory
     edge = (SKIP + 1) * (s + 1)  # a ray may leave by its last step
     looked = F.pad(looked, (0, 0, edge, edge), value=NOWHERE)
-    arrived, ray = torch.zeros_like(z), torch.arange(len(z), device=z.device)
-    way = (ray, start + edge, z, rise, slope, major.float(), minor, last, torch.ones_like(z))
-    while len(way[0]):
-        ray, at, z, rise, slope, major, minor, last, k = way
-        across, fall = minor.float(), SKIP * rise.clamp(max=0)
-        depth, going = z, k <= last
+    rays = rays._replace(at=rays.at + edge, major=rays.major.float())
+    arrived, k = torch.zeros_like(rays.z), torch.ones_like(rays.z)
+    number = torch.arange(len(k), device=k.device)
+    while len(number):
+        across, fall = rays.minor.float(), SKIP * rays.rise.clamp(max=0)
+        depth, going = rays.z, k <= rays.last
         for _ in range(4):  # then rays that have arrived are dropped
-            t, level = k * slope, torch.addcmul(z, k, rise)
+            t, level = k * rays.slope, torch.addcmul(rays.z, k, rays.rise)
             i = t.floor()
-            index = (k * major).addcmul_(i, across).to(torch.int32).add_(at)
+            index = (k * rays.major).addcmul_(i, across).to(torch.int32).add_(rays.at)
             *here, near = looked.index_select(0, index).unbind(1)
-            *there, _ = looked.index_select(0, index.add_(minor)).unbind(1)
+            *there, _ = looked.index_select(0, index.add_(rays.minor)).unbind(1)
             depth = depth_in(*here, level).lerp_(depth_in(*there, level), t.sub_(i))
-            going = (depth <= ENTERED) & (k <= last)
+            going = (depth <= ENTERED) & (k <= rays.last)
             k = k + going * torch.where(level + fall > near, SKIP, 1)
-        met = ((depth > ENTERED) & (k <= last)).nonzero()[:, 0]
-        arrived[ray[met]] = k[met]
-        open = (going & (k <= last)).nonzero()[:, 0]
-        way = tuple(x.index_select(0, open) for x in (ray, at, z, rise, slope, major, minor, last, k))
+        met = ((depth > ENTERED) & (k <= rays.last)).nonzero()[:, 0]
+        arrived[number[met]] = k[met]
+        open = (going & (k <= rays.last)).nonzero()[:, 0]
+        number, k, rays = number[open], k[open], rays.some(open)
     return arrived
 
 

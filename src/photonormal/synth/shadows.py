@@ -13,6 +13,7 @@ tenth, are marched pixel by pixel, since they may pass below (`march`). So are a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -170,43 +171,62 @@ def march(
     """
     s = solid.shape[-1]
     top, leaves, enters = (heights.flatten() for heights in solid.unbind(1))
-    slope, major, minor, steps, rise = grid_steps(start, step, s)
-    z, at = top[start], start.int()
+    rays = grid_rays(start, top[start], step, s)
     highest = solid[:, 0].amax((1, 2))[start // (s * s)]
-    steps = steps.minimum(reach).minimum((highest - z) / rise.clamp(min=1e-3))
+    last = rays.last.minimum(reach).minimum((highest - rays.z) / rays.rise.clamp(min=1e-3))
+    rays = rays._replace(last=last)
 
     def depth(index: Int[Tensor, "2 m k"], ray: Float[Tensor, "m k"]) -> Float[Tensor, "2 m k"]:
         """Of rays in the solid, negative outside of it."""
         h, l, e = (x.index_select(0, index.flatten()).view_as(index) for x in (top, leaves, enters))
         return depth_in(h, l, e, ray)
 
-    rays, deepest = torch.arange(len(z), device=z.device), torch.full_like(z, -1.0)
+    number, deepest = torch.arange(len(start), device=top.device), torch.full_like(rays.z, -1.0)
     begin = 1
-    while len(rays):
-        count = max(4, min(32, STEPS // len(rays)))  # steps at once; then rays that have arrived are dropped
-        k = torch.arange(begin, begin + count, device=z.device, dtype=torch.int32)[:, None]  # (m, 1)
-        t, ray = k * slope, z + k * rise  # (m, k)
+    while len(number):
+        count = max(4, min(32, STEPS // len(number)))  # steps at once; then rays that have arrived are dropped
+        k = torch.arange(begin, begin + count, device=top.device, dtype=torch.int32)[:, None]  # (m, 1)
+        t, ray = k * rays.slope, rays.z + k * rays.rise  # (m, k)
         i = t.floor()
-        index = at + k * major + i.int() * minor
-        first, second = depth(torch.stack([index, index + minor]).clamp_(0, len(top) - 1), ray)
+        index = rays.at + k * rays.major + i.int() * rays.minor
+        first, second = depth(torch.stack([index, index + rays.minor]).clamp_(0, len(top) - 1), ray)
         met = torch.lerp(first, second, t - i)
-        met = torch.where(k <= steps, met, -1.0).amax(0)
-        deepest[rays] = torch.maximum(deepest[rays], met)
+        met = torch.where(k <= rays.last, met, -1.0).amax(0)
+        deepest[number] = torch.maximum(deepest[number], met)
         begin += count
-        open = ((begin <= steps) & (met < BIAS + SOFT)).nonzero()[:, 0]
-        rays, at, z, rise, slope, major, minor, steps = (
-            x[open] for x in (rays, at, z, rise, slope, major, minor, steps)
-        )
+        open = ((begin <= rays.last) & (met < BIAS + SOFT)).nonzero()[:, 0]
+        number, rays = number[open], rays.some(open)
     return deepest
 
 
-def grid_steps(
-    start: Int[Tensor, " k"], step: Float[Tensor, "k 3"], s: int
-) -> tuple[Float[Tensor, " k"], Int[Tensor, " k"], Int[Tensor, " k"], Float[Tensor, " k"], Float[Tensor, " k"]]:
-    """Rays from pixels whose steps (columns, rows, height) are one pixel along the longer of the first two.
+class Rays(NamedTuple):
+    """Rays over the pixels of maps of side s, scene after scene, that go one pixel along at each step.
 
-    Pixels across that at each step; what a pixel along and across adds to an index; steps until the ray leaves the
-    picture of side `s`; and the rise at each.
+    Parameters
+    ----------
+    at, z : index of the pixel where each starts, and its height there
+    slope, rise : pixels across and height at each step
+    major, minor : what a pixel along and one across add to an index
+    last : steps that it takes at most
+    """
+
+    at: Int[Tensor, " k"]
+    z: Float[Tensor, " k"]
+    slope: Float[Tensor, " k"]
+    rise: Float[Tensor, " k"]
+    major: Int[Tensor, " k"]
+    minor: Int[Tensor, " k"]
+    last: Float[Tensor, " k"]
+
+    def some(self, index: Int[Tensor, " m"]) -> Rays:
+        """Those with these numbers."""
+        return Rays(*(x.index_select(0, index) for x in self))
+
+
+def grid_rays(start: Int[Tensor, " k"], z: Float[Tensor, " k"], step: Float[Tensor, "k 3"], s: int) -> Rays:
+    """Rays from heights `z` over pixels until they leave the picture of side `s`.
+
+    A step (columns, rows, height) is one pixel along the longer of the first two.
     """
     dc, dr, rise = step.unbind(1)
 
@@ -216,7 +236,7 @@ def grid_steps(
     along = dc.abs() >= dr.abs()
     major, minor = torch.where(along, dc.sign(), s * dr.sign()).int(), torch.where(along, s, 1).int()
     last = torch.minimum(inside(start % s, dc), inside(start // s % s, dr))
-    return torch.where(along, dr, dc), major, minor, last, rise
+    return Rays(start.int(), z, torch.where(along, dr, dc), rise, major, minor, last)
 
 
 def depth_in(top: Tensor, leaves: Tensor, enters: Tensor, level: Tensor) -> Tensor:

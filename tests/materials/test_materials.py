@@ -130,6 +130,15 @@ def test_samples_in_shadow_and_saturated_ones_do_not_count():
     assert np.nanmedian(np.abs(middle(materials_of(clipped, capture.truth).roughness) - 0.35)) < 0.03
 
 
+def test_a_pixel_that_is_black_under_all_lights_is_a_matt_black_one():
+    capture = shiny(0.35)
+    images = np.array(capture.images)
+    images[:, 18:22, 18:22] = 0
+    found = materials_of(replace(capture, images=images), capture.truth)
+    assert not found.albedo[19:21, 19:21].any() and not found.specular[19:21, 19:21].any()
+    assert np.isnan(found.roughness[19:21, 19:21]).all()
+
+
 def test_a_highlight_whose_middle_is_saturated_is_one():
     capture = shiny(0.25)
     white = 0.6  # the matt part shows at most 0.4

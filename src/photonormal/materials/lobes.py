@@ -23,6 +23,7 @@ HIGH = 0.75  # quantile of I / n.l that lies in no shadow
 DARK = 0.1  # of that, below which a sample surely does
 LOW = 0.4  # quantile of those left that is taken for the matt part at first: highlights are above it, shadows below
 SHADE = 0.4  # of that, below which a sample lies in a shadow
+BLACK = 1e-10  # least variance at all, in squares of the samples' mean: some pixels are black under all lights
 NOISE = 1e-4  # least variance, over the signal's square: what the model can't explain anyway
 FAINT = 0.06  # a highlight that is seen adds this to the matt part where that is brightest
 FLANK = 0.08  # of the lobe's peak: a light must show so much of it
@@ -109,7 +110,7 @@ def samples(
     sigma = level + Y + 1e-3 * Y.amax(1, keepdim=True)
     cos = cos_l.clamp(0, 1)
     grazing = level * cos * (1 - cos) ** 5  # by so much matt surfaces differ from Lambert's, as F. Schlick's law has it
-    variance = (sigma.square() + grazing.square() / NOISE).clamp(min=1e-24)
+    variance = (sigma.square() + grazing.square() / NOISE).clamp(min=BLACK)
     w = (lit / variance)[..., None] * ~saturated
     return ReflectanceSamples(I, cos_l, N[:, 2:], cosines(N, half_vectors(L)), w, lit, albedo)
 

@@ -80,8 +80,8 @@ def parsed(arguments: list[str] | None) -> Any:
             command = tyro.extras.subcommand_cli_from_dict(
                 commands,
                 prog="photonormal",
-                description="Surface normals, depth and meshes from photographs under known lights: calibrate, "
-                "check, measure, view. --version prints which photonormal this is.",
+                description="Surface normals, depth and meshes from photographs under known lights. The usual "
+                "order is calibrate, check, measure, view. --version prints the version.",
                 args=arguments,
             )
     except SystemExit as ended:

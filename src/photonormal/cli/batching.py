@@ -27,20 +27,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Going:
-    """How a batch goes on."""
+    """How the captures are worked through."""
 
     jobs: Number = None
-    """Captures at a time, each in its own process; by default as many as cores and memory allow."""
+    """How many captures are measured at a time, each in its own process; by default as cores and memory allow."""
     scheduler: Annotated[str, shown("ADDRESS")] = ""
-    """Let the workers of a Dask cluster measure, which see the same folders: tcp://192.168.1.2:8786."""
+    """Address of a Dask scheduler, such as tcp://192.168.1.2:8786; its workers measure, and see the same folders."""
     workers: Number = None
-    """Let so many workers of a Dask cluster on this machine measure."""
+    """Start a Dask cluster of N workers on this machine, and let them measure."""
     split_megapixels: Annotated[Positive | None, shown("MEGAPIXELS")] = None
-    """Let all workers of the cluster solve a capture whose photographs are larger, each some rows of it."""
+    """Share a capture among all workers of the cluster, some rows each, if its photographs are larger than this."""
     overwrite: bool = False
-    """Measure again what was measured with other options, and write beside what is no result of photonormal."""
+    """Replace results of other options, and write into folders that hold other files, too."""
     json_lines: bool = False
-    """Print what happens as a JSON object in each line."""
+    """Print each event as one line of JSON."""
 
     def measured(self, soon: bool) -> AbstractContextManager[Measured]:
         """What measures the captures: processes of this machine, or a cluster's workers; `soon`: it is certain that
@@ -67,19 +67,19 @@ class Going:
 
 @dataclass(frozen=True)
 class Batch:
-    """Results of many captures, one process each; what is done is not done again."""
+    """Measure many captures, several at a time; captures that have a result are kept."""
 
     captures: Positional[Annotated[tuple[str, ...], shown("CAPTURE")]]
-    """Patterns such as 'season/*', folders, .lp files, and lists (.csv, .toml) of captures with their own options."""
+    """Folders, .lp files, patterns such as 'season/*', or lists (.csv, .toml) of captures with options of their own."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Folder for a folder of results for each capture, and the summary of all."""
+    """Folder to write: one folder of results for each capture, and a summary of all."""
     read: Read = field(default_factory=Photographs)
     method: OmitArgPrefixes[How] = field(default_factory=How)
     results: OmitArgPrefixes[Written] = field(default_factory=Written)
     batch: OmitArgPrefixes[Going] = field(default_factory=Going)
 
     retry: Annotated[Literal["", "failed"], shown("failed")] = ""
-    """Try again what has failed before."""
+    """Try captures again that failed before."""
 
     def __call__(self) -> int:
         from photonormal.batch.captures import jobs
@@ -95,14 +95,14 @@ class Batch:
 
 @dataclass(frozen=True)
 class Watch:
-    """Results of captures as they come into a folder, and the summary of all; Ctrl-C ends it."""
+    """Measure captures as they come into a folder, and keep a summary of all; Ctrl-C ends it."""
 
     folder: Positional[Path]
-    """Folder that a folder for each capture comes into, such as a camera's."""
+    """Folder into which a camera or a person puts one folder for each capture."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Folder for a folder of results for each capture, and the summary of all."""
+    """Folder to write: one folder of results for each capture, and a summary of all."""
     settle: Annotated[Positive, tyro.conf.arg(metavar="SECONDS")] = 10.0
-    """How long no file of a capture must change before it is measured: more than between two photographs."""
+    """Measure a capture once none of its files has changed for so long: more than the time between two photographs."""
     read: Read = field(default_factory=Photographs)
     method: OmitArgPrefixes[How] = field(default_factory=How)
     results: OmitArgPrefixes[Written] = field(default_factory=Written)

@@ -19,12 +19,12 @@ from photonormal.types import Capture, InputError, Normals
 
 @dataclass(frozen=True)
 class Reading:
-    """What the normal map's numbers mean, where it does not tell."""
+    """What the numbers of the normal map mean, where its file does not say."""
 
     channels: Literal["auto", "xyz", "xy", "wy"] = "auto"
-    """Which channels hold x, y and z: xyz (red, green, blue); xy, or wy (alpha and green), from which z is found."""
+    """Which channels hold x, y and z: xyz (red, green, blue), xy, or wy (alpha and green). xy and wy compute z."""
     partial: bool = False
-    """Go on where less than 90 % of the pixels that are no background hold a normal."""
+    """Go on although fewer than 90 % of the object's pixels hold a normal."""
 
     def normals(self, path: Path, frame: str, mask: Path | None = None) -> Normals:
         """Those of a file or a result folder; what is found out about them is told."""
@@ -40,16 +40,16 @@ MapFrame = Literal["auto", "opengl", "directx", "y-down", "z-away", "blender"]
 
 @dataclass(frozen=True)
 class Score:
-    """Angular error of a result against the true normals of its capture."""
+    """Print the angular error of a result against the true normals of its capture."""
 
     capture: Positional[Path]
-    """The capture, with ground truth."""
+    """Capture that holds its true normals."""
     result: Positional[Path]
     """Folder that `measure` wrote, or a normal map (.npz, .npy, .mat, or a picture)."""
     format: Layout = "auto"
-    """Layout of the capture."""
+    """Layout of the capture; auto: recognised by its files."""
     frame: MapFrame = "auto"
-    """Frame of the result's normals; auto: what the file tells, or its curl."""
+    """Frame of the result's normals; auto: as the file says, else found from the normals."""
     json: bool = False
     """Print one JSON object."""
     reading: OmitArgPrefixes[Reading] = Reading()
@@ -93,27 +93,28 @@ def scored_lights(known: Capture, result: Path) -> dict[str, float] | None:
 
 @dataclass(frozen=True)
 class Integrate:
-    """Depth, heights or a mesh from a normal map."""
+    """Turn a normal map into depth, heights or a mesh."""
 
     normals: Positional[Path]
     """Normal map (.npz, .npy, .mat, or a picture), or a folder that `measure` wrote."""
     out: Path
-    """File to write: .npz (depth), .png, .tif (16-bit heights), .exr (float ones), .ply, .obj, .glb or .stl (mesh)."""
+    """File to write: .npz (depth), .png or .tif (16-bit heights), .exr (float heights),
+    .ply, .obj, .glb or .stl (mesh)."""
     method: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
-    """simchony is the fastest, for masks that nearly fill the picture; bilateral lets the depth jump."""
+    """simchony is fastest where the mask nearly fills the picture; bilateral lets the depth jump at edges."""
     tile: bool = False
-    """The map repeats: its right edge meets its left one, and its lower edge its upper one; in place of a method."""
+    """The map repeats: its right edge meets its left one, and its lower edge its upper one. Leave --method out then."""
     mask: File = None
-    """Picture, white where the map is to be integrated."""
+    """Picture that is white on the part to integrate."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide: what is written is in millimetres, else in pixels."""
+    """Width of a pixel in mm: the file is then in millimetres instead of pixels."""
     camera: File = None
     """Text file with the 3 x 3 camera matrix in pixels, for a perspective view."""
     albedo: File = None
-    """Picture of the surface's colours, for meshes; of a result folder its own is taken."""
+    """Picture with the colours of a mesh; by default that of the result folder."""
     frame: MapFrame = "auto"
     """Frame of the map: opengl (green up), directx (green down), y-down (and z away), z-away (green up, z away),
-    blender (world space seen from the front: y away, z up); auto: what the file tells, or its curl."""
+    blender (world space seen from the front: y away, z up); auto: as the file says, else found from the normals."""
     overwrite: bool = False
     """Replace a file that exists."""
     reading: OmitArgPrefixes[Reading] = Reading()
@@ -142,18 +143,18 @@ class Integrate:
 
 @dataclass(frozen=True)
 class Convert:
-    """A normal map in another frame or another format."""
+    """Convert a normal map to another frame or file format."""
 
     normals: Positional[Path]
     """Normal map (.npz, .npy, .mat, or a picture), or a folder that `measure` wrote."""
     out: Path
-    """File to write: .png (16-bit), .exr or .npz; it tells its frame."""
+    """File to write: .png (16-bit), .exr or .npz; it carries the name of its frame."""
     from_frame: MapFrame = "auto"
-    """The frame of that normal map, as for `integrate --frame`; auto: what the file tells, or its curl."""
+    """Frame of the map that is read, as for `integrate`; auto: as the file says, else found from the normals."""
     frame: Annotated[Frame, tyro.conf.arg()] = "opengl"
-    """Frame of what is written: opengl (green up), directx (green down), y-down, z-away or blender."""
+    """Frame of the map that is written: opengl (green up), directx (green down), y-down, z-away or blender."""
     mask: File = None
-    """Picture, white where the normals are to be kept."""
+    """Picture that is white where normals are kept."""
     overwrite: bool = False
     """Replace a file that exists."""
     reading: OmitArgPrefixes[Reading] = Reading()

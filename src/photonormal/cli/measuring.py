@@ -19,25 +19,25 @@ from photonormal.options import Count, Frame, Precision
 
 @dataclass(frozen=True)
 class How:
-    """What normals are found by, and depth."""
+    """How normals and depth are found."""
 
     method: Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(METHODS)}}}")] = DEFAULT
-    """With options if need be, such as normalnet:rotations=4; `photonormal methods` says what they are."""
+    """Method that finds the normals; options follow a colon: normalnet:rotations=4. `photonormal methods` lists all."""
     fast: bool = False
-    """The network looks at half the resolution, and a classical method keeps the detail; about three times as fast."""
+    """About three times as fast: the network works at half the resolution, and a classical method adds the detail."""
     device: Where = "auto"
-    """Where networks and methods compute."""
+    """Where methods compute; auto: on a GPU if there is one."""
     precision: Precision = "auto"
-    """What networks compute in; auto: bf16 where the machine has instructions for it."""
+    """Number format of networks; auto: bf16 where the machine has instructions for it, else float32."""
     integration: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
-    """How depth is found; bilateral lets it jump."""
+    """How depth is found; bilateral lets the depth jump at edges."""
     sphere: Annotated[str, shown("auto|FOLDER")] = ""
-    """Find lights from a mirror sphere: auto: in the photographs, where they show one; FOLDER: photographs of one under
-    the same lights, in each capture's folder, or one for all."""
+    """Find the lights by a mirror sphere. auto: the photographs may show one. FOLDER: it holds photographs of a sphere
+    under the same lights; it lies in the capture's folder, or is one for all captures."""
     refine_lights: bool = False
-    """The lights may be off by some degrees each: mend them by what the photographs show."""
+    """Correct lights that may be off by some degrees each, so that they fit the photographs."""
     camera: File = None
-    """Text file with the 3 x 3 camera matrix in pixels, for a perspective surface."""
+    """Text file with the 3 x 3 camera matrix in pixels; with it the depth is perspective."""
 
 
 @dataclass(frozen=True)
@@ -47,13 +47,13 @@ class Written:
     mesh: bool = True
     """Write depth and mesh."""
     mesh_faces: Count = FACES
-    """About how many triangles the mesh has at most; of a larger one, every second, third ... row and column stay."""
+    """About how many triangles the mesh may have; a larger mesh keeps every second, third ... row and column only."""
     expected_error: bool = True
-    """Tell how far each normal is expected to be off."""
+    """Estimate how many degrees each normal is off."""
     materials: bool = False
-    """Write base colour, roughness, metalness and specular level, as far as highlights tell them."""
+    """Write maps of base colour, roughness, metalness and specular level, where highlights show them."""
     normals_frame: Frame = "opengl"
-    """Frame of normals.png, which tells it: opengl (green up), directx (green down), y-down, z-away or blender."""
+    """Frame of normals.png: opengl (green up), directx (green down), y-down, z-away or blender."""
     linear_albedo: bool = False
     """Write albedo.png without the sRGB curve."""
 
@@ -65,7 +65,7 @@ class Results(Written):
     json: bool = False
     """Print the report as one JSON object."""
     overwrite: bool = False
-    """Write into a folder that exists and is no result of photonormal."""
+    """Write into a folder that holds other files, too."""
 
 
 def of_job(by: How, written: Written) -> dict[str, Any]:
@@ -78,12 +78,12 @@ def of_job(by: How, written: Written) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Measure:
-    """Normals, albedo, depth and mesh of one object from its photographs."""
+    """Measure one object: find its normals, albedo, depth and mesh from photographs."""
 
     capture: Positional[Path]
-    """Folder with photographs and lights, an .lp file, or `demo`: the capture that comes with photonormal."""
+    """Folder with photographs and lights, or an .lp file, or `demo`, the capture that comes with photonormal."""
     out: Annotated[Path, tyro.conf.arg(metavar="FOLDER")]
-    """Folder for the results; it is written whole or not at all."""
+    """Folder for the results."""
     read: Read = field(default_factory=Photographs)
     method: OmitArgPrefixes[How] = How()
     results: OmitArgPrefixes[Results] = Results()
@@ -123,7 +123,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Methods:
-    """The methods that `measure` knows, with a line about each."""
+    """List the methods of `measure`, with a line about each."""
 
     def __call__(self) -> int:
         width = max(map(len, METHODS))

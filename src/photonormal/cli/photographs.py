@@ -27,26 +27,26 @@ Layout = Annotated[str, tyro.conf.arg(metavar=f"{{{','.join(('auto', *FORMATS))}
 
 @dataclass(frozen=True)
 class Files:
-    """Which photographs."""
+    """Which photographs are read."""
 
     images: Numbers = ""
-    """Subset of the photographs by number, such as 1-10,15; all by default."""
+    """Numbers of the photographs to use, such as 1-10,15; all by default."""
     mask: File = None
-    """Mask picture, white on the object, instead of the capture's own."""
+    """Mask, white on the object; used instead of the capture's own."""
     mask_on: Annotated[DrawnOn, shown("{stored,shown}")] = ""
-    """What a mask was drawn on where Exif's orientation turns the photographs: stored samples, or what viewers show."""
+    """Whether the mask was drawn on the stored pictures, or on pictures that viewers turn by Exif's orientation."""
     format: Layout = "auto"
-    """Layout of the capture, where its content does not tell."""
+    """Layout of the capture; auto: recognised by its files."""
     prefer: Annotated[Literal["", "raw", "jpeg", "tiff", "png", "exr"], shown("{raw,jpeg,tiff,png,exr}")] = ""
-    """Which file to take where each photograph is there in two kinds."""
+    """Which kind of file to read where each photograph exists in two, such as RAW and JPEG."""
     rgb_lights: bool = False
-    """Each photograph shows three lights at a time: one in red, one in green and one in blue."""
+    """Each photograph shows three lights at once: one in red, one in green and one in blue."""
     crop: Annotated[str, shown("X,Y,WIDTH,HEIGHT")] = ""
-    """Part of the photographs to read, in pixels; without it what crop.txt beside them says, or all."""
+    """Part of the photographs to read, in pixels; by default the part that crop.txt names, else all."""
     scale: Annotated[Scale, tyro.conf.arg(metavar="FACTOR")] = 1.0
-    """By which photographs are reduced for a first look: 0.5 halves both sides."""
+    """Reduce the photographs for a first look: 0.5 halves both sides."""
     memory: Size = ""
-    """How much memory may be used, such as 3GB; half of what is free by default."""
+    """Memory to use, such as 3GB; by default half of the free memory."""
 
 
 @dataclass(frozen=True)
@@ -54,52 +54,52 @@ class LightOptions:
     """Where the lights are, and how bright."""
 
     lights: File = None
-    """File with light directions, instead of the capture's own: .lp, .csv, .txt, .npy, .npz, .mat, .dome, .relight,
-    .json; or `unknown`: directions and intensities are found from the photographs."""
+    """File with light directions, used instead of the capture's own: .lp, .csv, .txt, .npy, .npz, .mat, .dome,
+    .relight or .json; or `unknown`, to find directions and intensities from the photographs."""
     lights_as: Annotated[
         Literal["", "directions", "angles", "azimuth-elevation"], shown("{directions,angles,azimuth-elevation}")
     ] = ""
-    """What its numbers are: directions x, y, z, or angles in degrees: slant and tilt, or azimuth and elevation."""
+    """What the numbers in that file are: x, y, z; or, in degrees, slant and tilt (angles), or azimuth and elevation."""
     frame: Frame = "opengl"
     """Frame of the directions: opengl (y up, z to the camera), directx (y down), y-down (and z away), z-away (y up), or
     blender (y away, z up)."""
     ring: Number = None
-    """Lamps at equal steps around the object, in the photographs' order, instead of a file; with --elevation."""
+    """No file: N lamps stand at equal steps around the object, in the photographs' order; needs --elevation."""
     elevation: Degrees = None
-    """How far the lamps of --ring stand over the plane of the picture: 90 is at the camera."""
+    """Angle of the lamps of --ring above the object's plane: 90 is at the camera."""
     start: Annotated[float, tyro.conf.arg(metavar="DEGREES")] = 0.0
-    """Where the first lamp of --ring is: 0 at the right of the picture, 90 at its top."""
+    """Where the first lamp of --ring stands: 0 is at the right of the picture, 90 at its top."""
     clockwise: bool = False
-    """The lamps of --ring go round clockwise in the picture, rather than counter-clockwise."""
+    """The lamps of --ring follow each other clockwise in the picture."""
     intensities: File = None
-    """File with light intensities, instead of the capture's own."""
+    """File with light intensities, used instead of the capture's own."""
     exif_exposure: bool = False
-    """Divide by the exposures that the photographs tell in their Exif data."""
+    """Divide each photograph by the exposure in its Exif data."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide on the object: lights are near, and their file holds positions in mm."""
+    """Width of a pixel on the object in mm. It makes the lights near ones, and their file holds positions in mm."""
     dome_radius_mm: Millimetres = None
-    """Lamps are this far from the object at the picture's middle, in their file's directions; with --mm-per-px."""
+    """The file holds directions, and all lamps are this far from the middle of the object; needs --mm-per-px."""
     focal_px: Pixels = None
-    """Focal length in pixels, for a camera near the object; with --mm-per-px."""
+    """Focal length in pixels, for a camera near the object; needs --mm-per-px."""
 
 
 @dataclass(frozen=True)
 class Corrections:
-    """What is done to the photographs' samples."""
+    """How brightnesses are corrected."""
 
     srgb: bool = False
-    """The photographs are sRGB-encoded and have to be linearised; by default their profile or Exif data is believed."""
+    """The photographs are sRGB-encoded, so linearise them; by default their profile or Exif data decides."""
     linear: bool = False
-    """They are linear, whatever their profile or Exif data says."""
+    """The photographs are linear, whatever their profile or Exif data says."""
     dark: File = None
-    """Picture taken with all lights off, which is subtracted: ambient light and the sensor's black."""
+    """Picture taken with all lights off. It is subtracted, which removes ambient light and the sensor's black level."""
     flat: FileOrFolder = None
-    """Picture of an even white surface, by which the photographs are divided: vignetting and dust; or a folder with one
-    of a white or grey board for each light: also how its light falls off, and how bright it is."""
+    """Picture of an even white surface. The photographs are divided by it, which removes vignetting and dust. Or a
+    folder with a picture of a white or grey board for each light, which also removes fall-off and intensities."""
     hot_pixels: bool = False
-    """Replace pixels that stand out of their surroundings in the dark picture, or in all photographs."""
+    """Replace pixels that stand out from their neighbours in the --dark picture, or else in all photographs."""
     lens: File = None
-    """Lens calibration that OpenCV wrote (.yml), whose distortion is taken out."""
+    """Lens calibration by OpenCV (.yml); its distortion is removed."""
 
 
 @dataclass(frozen=True)

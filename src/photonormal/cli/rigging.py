@@ -21,28 +21,27 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Calibrate:
-    """Light directions from photographs of a mirror sphere, or of the object alone."""
+    """Find light directions from photographs of a mirror sphere, or of the object alone."""
 
     folder: Positional[Path]
-    """The object's photographs, which the lights are for."""
+    """Folder with the object's photographs."""
     sphere: tuple[Path, ...] = (Path("AUTO"),)
-    """Folders with photographs of a mirror sphere or a glossy ball, under the same lights in the same order; AUTO: it
-    is in FOLDER's."""
+    """Folders with photographs of a mirror sphere or a glossy ball, under the same lights in the same order; AUTO: the
+    object's photographs show the sphere."""
     from_object: bool = False
-    """There is no sphere: directions and intensities are found from FOLDER's photographs of the object."""
+    """There is no sphere: find directions and intensities from the photographs of the object."""
     out: Path = Path("lights.lp")
-    """File to write; light_directions.txt, a JSON report and a picture of what was found are written beside it."""
+    """File to write. Beside it come light_directions.txt, a JSON report and a picture of the sphere that was found."""
     circle: Annotated[tuple[str, ...], shown("X,Y,R")] = ()
-    """Outlines x,y,r in pixels from the upper left, one for each sphere; found where none are given."""
+    """Outline of each sphere as x,y,r in pixels from the upper left; by default it is found."""
     count: Count = 1
-    """Spheres that each photograph shows."""
+    """How many spheres each photograph shows."""
     focal_px: Pixels = None
-    """Focal length in pixels, for spheres near the camera; a camera far away without it."""
+    """Focal length in pixels, for spheres near the camera; by default the camera counts as far away."""
     radius_mm: Millimetres = None
-    """The spheres' radius; with two or more in one frame the lights' positions are found too."""
+    """Radius of the spheres; with two or more in one frame, the lights' positions are found, too."""
     frame: Frame = "opengl"
-    """Frame of what is written: opengl (y up, z to the camera), directx (y down), y-down (and z away), z-away or
-    blender."""
+    """Frame of the file: opengl (y up, z to the camera), directx (y down), y-down (and z away), z-away or blender."""
     skip: Numbers = ""
     """Photographs to leave out, of the object and the sphere: numbers and ranges from 1, such as 3,7-9."""
     json: bool = False
@@ -109,16 +108,16 @@ class Calibrate:
 
 @dataclass(frozen=True)
 class Intensities:
-    """Intensities of the lights, from a matt board under each of them or from the object's own shading."""
+    """Find how bright each light is, from a matt board under each of them or from the object's own shading."""
 
     capture: Positional[Path]
     """Folder with photographs and lights, or an .lp file."""
     out: Path = Path("light_intensities.txt")
-    """Table to write; it is read where it lies beside the photographs, or named by --intensities."""
+    """Table to write. Commands read it if it lies beside the photographs, or if --intensities names it."""
     reference: Folder = None
     """Folder with photographs of a matt white or grey board that faces the camera, under the same lights in order."""
     region: Box = ""
-    """Where the board is, x0,y0,x1,y1 in pixels: in the reference's photographs, or in the object's without one."""
+    """Where the board is, in pixels of the --reference photographs; without them, of the object's photographs."""
     overwrite: bool = False
     """Replace a file that exists."""
     read: Read = field(default_factory=Photographs)
@@ -137,12 +136,12 @@ class Intensities:
 
 @dataclass(frozen=True)
 class Mask:
-    """A mask picture from the object's shading, with a preview."""
+    """Draw a mask from the object's shading, with a preview."""
 
     folder: Positional[Path]
-    """Photographs of a lit object on a darker ground; or an .lp file that names them."""
+    """Folder with photographs of a lit object on a darker ground, or an .lp file that names them."""
     out: Path = Path("mask.png")
-    """Picture to write, white on the object; a preview is written beside it."""
+    """Picture to write, white on the object; a preview comes beside it."""
     overwrite: bool = False
     """Replace files that exist."""
 
@@ -159,16 +158,16 @@ class Mask:
 
 @dataclass(frozen=True)
 class Lights:
-    """Which lamps of a rig are worth keeping."""
+    """Choose the lamps of a rig that are worth keeping."""
 
     what: Positional[Literal["choose"]]
-    """choose: the few lamps under which normals come out best, by a network on rendered objects; it takes minutes."""
+    """choose: find the few lamps that give a network the best normals on rendered objects; it takes minutes."""
     from_: Annotated[Path, tyro.conf.arg(name="from", metavar="FILE")]
     """File with the directions of all lamps of the rig."""
     count: Count = 10
-    """How many to keep."""
+    """How many lamps to keep."""
     out: File = None
-    """An .lp file of those to write."""
+    """An .lp file to write, with the lamps to keep."""
     overwrite: bool = False
     """Replace a file that exists."""
 
@@ -190,20 +189,20 @@ class Lights:
 
 @dataclass(frozen=True)
 class Check:
-    """What is wrong with a capture, before it is measured: exposure, lights, motion, and what to do."""
+    """Check a capture before it is measured: exposure, lights, motion. Says what is wrong and what to do."""
 
     capture: Positional[Path]
     """Folder with photographs and lights, an .lp file, or `demo`."""
     out: Folder = None
-    """Folder for a report, a polar plot of the lights, and corrected lights where other ones fit the photographs."""
+    """Folder for a report, a polar plot of the lights, and corrected lights if others fit the photographs better."""
     overwrite: bool = False
-    """Write into a folder that exists and is no result of photonormal."""
+    """Write into a folder that holds other files, too."""
     json: bool = False
     """Print the findings as one JSON object."""
     strict: bool = False
-    """End with code 1 where a finding is grave."""
+    """End with exit code 1 if a finding is grave."""
     refine_lights: bool = False
-    """Mend the lights by what the photographs show before they are checked."""
+    """Correct the lights first, so that they fit the photographs, then check."""
     read: Read = field(default_factory=Photographs)
 
     def __call__(self) -> int:

@@ -17,32 +17,32 @@ from photonormal.types import InputError
 
 @dataclass(frozen=True)
 class Bench:
-    """Predict the normals of a benchmark's objects by several methods, and store them."""
+    """Run several methods on a benchmark's objects, and store their normals."""
 
     benchmark: Positional[Annotated[str, tyro.conf.arg(metavar="BENCHMARK")]]
-    """diligent, captures (your own, each with Normal_gt.mat), materials, cycles, blobby or lightstage."""
+    """diligent, captures (your own, each with a Normal_gt.mat), materials, cycles, blobby or lightstage."""
     root: Positional[Path]
-    """Folder with the benchmark's objects; absent ones are left blank."""
+    """Folder with the benchmark's objects; objects that are missing stay blank in tables."""
     out: Path = Path("runs")
-    """Folder of the predictions; what it holds is not predicted again."""
+    """Folder for the predictions; those that it holds are kept."""
     methods: Annotated[str, tyro.conf.arg(metavar="NAMES")] = "all"
-    """Methods like woodham,l1; one may enter again as label=method:option=value."""
+    """Methods, such as woodham,l1; label=method:option=value adds one with other options under a label."""
     images: Annotated[str, tyro.conf.arg(metavar="COUNTS")] = "all"
-    """How many images: all, or counts like 10 or 8,16,96."""
+    """How many images to use: all, or counts such as 10 or 8,16,96."""
     draws: Whole = 10
-    """Random draws of fixed seeds where fewer than all images are used, besides the one of PS-FCN's code."""
+    """Random subsets with fixed seeds, if fewer than all images are used; the subset of PS-FCN's code comes on top."""
     fixed: Annotated[tuple[Path, ...], shown("FILE")] = ()
-    """Text files with image numbers like 1-10,15, or lines `object: 1-10,15`."""
+    """Text files with the images to use: numbers such as 1-10,15, or lines `object: 1-10,15`."""
     objects: Names = ""
-    """Only these objects, like ball,cat."""
+    """Only these objects, such as ball,cat."""
     device: Where = "auto"
-    """Where methods compute."""
+    """Where methods compute; auto: on a GPU if there is one."""
     precision: Precision = "auto"
-    """What networks compute in: float32 or bf16; auto: bf16 where the machine has instructions for it."""
+    """Number format of networks; auto: bf16 where the machine has instructions for it, else float32."""
     jobs: Count = 1
-    """Objects at a time; more than one disturbs the seconds measured."""
+    """How many objects run at a time; with more than one, the seconds in tables are no good."""
     srgb: bool = False
-    """The photographs of `captures` are sRGB-encoded; by default their profile or Exif data is believed."""
+    """The photographs of `captures` are sRGB-encoded; by default their profile or Exif data decides."""
 
     def __call__(self) -> int:
         from photonormal.bench import bench
@@ -69,7 +69,7 @@ class Bench:
 
 @dataclass(frozen=True)
 class Table:
-    """Tables of stored predictions: errors, published figures beside them, seconds and memory."""
+    """Print tables of stored predictions: errors, published figures, seconds and memory."""
 
     runs: Positional[Path]
     """Folder that `bench` wrote."""
@@ -80,11 +80,11 @@ class Table:
     latex: bool = False
     """Print LaTeX."""
     methods: Names = ""
-    """Only these, like woodham,l1."""
+    """Only these methods, such as woodham,l1."""
     datasets: Names = ""
-    """Only these, like diligent."""
+    """Only these datasets, such as diligent."""
     published: bool = False
-    """Add published figures of methods that are not in photonormal."""
+    """Add published figures of methods that photonormal does not have."""
 
     def __call__(self) -> int:
         from photonormal.bench.formats import FORMATS
@@ -100,24 +100,24 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure from stored predictions, or from training logs, as PNG and PDF."""
+    """Draw a figure of stored predictions or of training logs, as PNG and PDF."""
 
     name: Positional[Annotated[str, tyro.conf.arg(metavar="FIGURE")]]
     """errors, normals, images, seconds, materials or convergence."""
     places: Positional[Annotated[tuple[str, ...], shown("RUNS")]]
-    """The folder that `bench` wrote; for convergence, folders of trainings, as FOLDER or LABEL=FOLDER."""
+    """Folder that `bench` wrote; for convergence, folders that `train` wrote, as FOLDER or LABEL=FOLDER."""
     out: Folder = None
     """Folder to write into; by default `figures` in the folder of runs."""
     dataset: Name = ""
-    """Which dataset, where the runs hold several."""
+    """Dataset to draw, if the runs hold several."""
     methods: Names = ""
-    """Only these, like woodham,l1, in this order."""
+    """Only these methods, such as woodham,l1, in this order."""
     objects: Names = ""
-    """Only these, like ball,cat, in this order."""
+    """Only these objects, such as ball,cat, in this order."""
     limit: Annotated[Angle | None, shown("N")] = None
-    """Error in degrees of the last colour of error maps."""
+    """Error in degrees at which the colours of error maps end."""
     overwrite: bool = False
-    """Replace files that exist in OUT."""
+    """Replace files that exist in --out."""
 
     def __call__(self) -> int:
         from photonormal.bench.figures import figure
@@ -132,20 +132,20 @@ class Figure:
 
 @dataclass(frozen=True)
 class Report:
-    """One HTML file with tables to sort, maps to compare and surfaces to turn; it needs no server or network."""
+    """Write stored predictions as one HTML file: tables to sort, maps to compare, surfaces to turn."""
 
     runs: Positional[Path]
     """Folder that `bench` wrote."""
     out: Path = Path("report.html")
     """File to write."""
     methods: Names = ""
-    """Only these, like woodham,l1."""
+    """Only these methods, such as woodham,l1."""
     datasets: Names = ""
-    """Only these, like diligent."""
+    """Only these datasets, such as diligent."""
     objects: Names = ""
-    """Objects to show maps of; by default up to 12 of each dataset."""
+    """Objects whose maps are shown; by default up to 12 of each dataset."""
     surfaces: bool = True
-    """Integrate the normals of each object's best method."""
+    """Show the surface of each object, integrated from the normals of its best method."""
     overwrite: bool = False
     """Replace a file that exists."""
 
@@ -172,22 +172,22 @@ def listed(text: str) -> list[str]:
 
 @dataclass(frozen=True)
 class Render:
-    """Rendered captures with exact normals."""
+    """Render captures with exact normals."""
 
     recipe: Positional[Annotated[str, tyro.conf.arg(metavar="RECIPE")]]
-    """What is rendered: objects, demo, train, validation and others; a wrong name lists them."""
+    """What to render: objects, demo, train, validation and others; a wrong name lists them all."""
     out: Path
-    """Folder to write; it must not exist yet, or be empty."""
+    """Folder to write; it must be new or empty."""
     count: Count = 1
-    """How many samples."""
+    """How many samples to render."""
     preview: bool = False
     """Write contact-sheet.png, too."""
     layout: Annotated[str | None, shown("NAME")] = None
-    """diligent (a folder each, for `measure`), blobby or shards; by default the recipe's own."""
+    """diligent (a folder for each sample, for `measure`), blobby or shards; by default the recipe's own."""
     device: Where = "auto"
-    """Where it is rendered."""
+    """Where to render; auto: on a GPU if there is one."""
     seed: Seed = 0
-    """Another seed, other samples."""
+    """Another seed gives other samples."""
 
     def __call__(self) -> int:
         from photonormal.methods.engine.device import torch_device
@@ -212,32 +212,32 @@ class Render:
 
 @dataclass(frozen=True)
 class Train:
-    """Train a network; stopped at any moment it goes on from its last checkpoint with --resume."""
+    """Train a network. You may stop it at any moment; --resume goes on from the last checkpoint."""
 
     recipe: Positional[Annotated[str, tyro.conf.arg(metavar="RECIPE")]]
-    """What is learned: paper, cpu, normalnet and others; a wrong name lists them."""
+    """What to train: paper, cpu, normalnet and others; a wrong name lists them all."""
     out: Path
-    """Folder for checkpoint, journal, TensorBoard and weights."""
+    """Folder for the checkpoint, the journal, TensorBoard and the weights."""
     data: UseAppendAction[tuple[Path, ...]] = ()
-    """A set to learn from in place of rendered scenes; repeat it for several. Blobby, Sculpture, shards or DiLiGenT."""
+    """Set to learn from instead of rendered scenes: Blobby, Sculpture, shards or DiLiGenT. Repeat it for several."""
     lights: Annotated[Path | None, shown("FILE")] = None
-    """Lights of the rig that a network is learned for, such as dpsn."""
+    """Lights of the rig, for networks such as dpsn that learn for one rig."""
     minutes: Annotated[Positive | None, shown("N")] = None
-    """Minutes of learning; the schedule stretches to them. Rendering and taking exams come on top, and are told."""
+    """Minutes of learning, to which the schedule stretches. Rendering and validation take more time; it is printed."""
     steps: Annotated[Count | None, shown("N")] = None
-    """Length in place of the recipe's."""
+    """Number of steps, instead of the recipe's."""
     resume: bool = False
-    """Go on from the checkpoint in OUT."""
+    """Go on from the checkpoint in --out."""
     device: Where = "auto"
-    """Where it learns; on several devices by torchrun."""
+    """Where to train; torchrun trains on several devices."""
     seed: Seed = 0
-    """Of the weights and of the scenes: another seed never sees the same ones."""
+    """Seed of the weights and of the scenes; another seed never sees the same scenes."""
     start_from: Annotated[Path | None, shown("FILE")] = None
-    """Weights file to begin with, in place of random weights."""
+    """Weights file to start with, instead of random weights."""
     name: Name = ""
-    """Of the weights file; by default the recipe's."""
+    """Name of the weights file; by default the recipe's."""
     precision: Precision = "auto"
-    """What the network computes in: float32 or bf16; auto: as before with --resume, else as `measure` does."""
+    """Number format of the network; auto: as before with --resume, else as `measure` chooses."""
 
     def __call__(self) -> int:
         import logging

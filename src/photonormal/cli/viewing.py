@@ -16,18 +16,18 @@ from photonormal.types import InputError
 
 @dataclass(frozen=True)
 class View:
-    """A page in the browser to relight, turn, measure and compare results, or to mark photographs; Ctrl-C ends it."""
+    """Open a page to relight, turn, measure and compare results, or to mark photographs; Ctrl-C ends it."""
 
     folders: Positional[Annotated[tuple[Path, ...], shown("FOLDER")]]
-    """Folders that `measure` wrote; or one folder of photographs, to mark its mask, a sphere, pictures to leave out."""
+    """Folders that `measure` wrote; or a folder of photographs, to draw a mask, mark a sphere or leave pictures out."""
     capture: Folder = None
-    """The photographs of the first result, where they are no longer where its report says."""
+    """Where the photographs of the first result are now, if they were moved."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide, so that lengths are told in mm."""
+    """Width of a pixel in mm: the page then shows lengths in mm."""
     port: Port = 0
-    """Port on 127.0.0.1; 0: a free one."""
+    """Port on 127.0.0.1; 0 takes a free one."""
     browser: bool = True
-    """Open a browser; its address is printed in either case."""
+    """Open a browser; the address is printed in either case."""
 
     def __call__(self) -> int:
         from photonormal.view.server import open_pages
@@ -38,44 +38,43 @@ class View:
 
 @dataclass(frozen=True)
 class Export:
-    """Results for others: as an HTML file (--page), for other programs (--to), or relit (--relit, --sweep)."""
+    """Write results as an HTML page (--page), for other programs (--to), or as relit pictures (--relit, --sweep)."""
 
     results: Positional[Annotated[tuple[Path, ...], shown("RESULT")]]
-    """Folder that `measure` wrote; or several, or that of a batch, each of whose results comes into --out."""
+    """Folder that `measure` wrote. Several, or the folder of a batch, are written into the folder --out, one by one."""
     page: File = None
-    """HTML file to write, to relight, turn and measure the result without server or network."""
+    """HTML file to write: a page to relight, turn and measure the result. It needs no server and no network."""
     to: Annotated[str, shown("FORMAT")] = ""
     """Format of --out.
     Relightable files for RTIViewer and the like: ptm (.ptm, luminance and colour), ptm-rgb; hsh (.rti, 9 terms), hsh16.
     Relightable folders for the web: relight, relight-hsh (RelightLab's); with a page: openlime, openlime-hsh.
     For 3D programs: gltf (.glb: mesh, colour, normal map, occlusion); maps (a folder of pictures for materials)."""
     out: FileOrFolder = None
-    """File or folder to write, where it is no page; of several results the folder that a file or folder of each one's
-    name comes into."""
+    """File or folder to write with --to, --relit and --sweep; for several results, a folder that gets one for each."""
     relit: Annotated[str, shown("AZIMUTH,ELEVATION")] = ""
-    """Write a picture (.png, .jpg) under a light from there in degrees: 0,30 is from the right, 90,30 from above."""
+    """Write a picture (.png, .jpg) under a light from this direction: 0,30 is from the right, 90,30 from above."""
     sweep: bool = False
-    """Write a film (.mp4, .gif) of a light that goes around once, at 0,45 or where --relit says."""
+    """Write a film (.mp4, .gif) of a light that goes around once; it starts at 0,45 or where --relit says."""
     by: Literal["hsh", "ptm", "hsh16", "matt"] = "hsh"
-    """What --relit and --sweep show: a fit to the photographs; or normals and albedo, matt, without cast shadows."""
+    """What --relit and --sweep draw: a fit to the photographs; or matt: normals and albedo, without cast shadows."""
     webp: bool = False
-    """Of openlime: tiles of lossless WebP in place of JPEG."""
+    """For openlime: write tiles as lossless WebP instead of JPEG."""
     program: Literal["blender", "substance", "unreal"] = "blender"
-    """Of maps: who names them, and says whether green is up (blender) or down."""
+    """For maps: the program whose file names are used; green is up for blender and down for the others."""
     exr: bool = False
-    """Of maps: colour, normals and height as OpenEXR: linear floats, heights in the unit that the .json tells."""
+    """For maps: colour, normals and height as OpenEXR, linear floats; the .json names the unit of the heights."""
     texture: Annotated[int, shown("PIXELS")] = 8192
-    """Of gltf: longest side of its pictures."""
+    """For gltf: longest side of its pictures."""
     tile: bool = False
-    """Of maps: they repeat, right edge to left one and lower edge to upper one."""
+    """For maps: make them repeat, right edge to left edge and lower edge to upper edge."""
     capture: Folder = None
-    """Its photographs, where they are no longer where its report says."""
+    """Where the photographs of the result are now, if they were moved."""
     mm_per_px: Millimetres = None
-    """Millimetres that a pixel is wide, so that page and maps tell lengths in mm, and gltf is in metres."""
+    """Width of a pixel in mm: page and maps then give lengths in mm, and gltf is in metres."""
     memory: Size = ""
-    """How much memory may be used, such as 3GB; half of what is free by default."""
+    """Memory to use, such as 3GB; by default half of the free memory."""
     overwrite: bool = False
-    """Replace a file that exists, or write into a folder that holds others."""
+    """Replace a file that exists, or write into a folder that holds other files."""
 
     def __call__(self) -> int:
         relit = bool(self.relit) or self.sweep

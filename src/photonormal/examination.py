@@ -43,17 +43,18 @@ def _off(capture: Capture, found: list[Finding]) -> list[Finding]:
     worst = max(moved, key=moved.__getitem__)
     mean = float(better.moved_deg.mean())
     message = (
-        f"the photographs fit lights better that are {mean:.1f} degrees from the given ones in the mean, at most "
-        f"{moved[worst]:.1f} ({worst})"
+        f"other lights fit the photographs better: they are {mean:.1f} degrees from the given ones in the mean, and at "
+        f"most {moved[worst]:.1f} ({worst})"
     )
     if mean > FAR_DEG:
         message += (
-            ": so far that the given ones may be another capture's, or in another order; compare them with the rig."
+            ". That is so far that the given lights may be another capture's, or in another order; compare them with "
+            "the rig."
         )
     elif moved[worst] > ALONE * mean:
         message += (
-            ": look at that photograph and at its light, and if it is the light that is wrong, correct it or measure "
-            "with --refine-lights."
+            ". Look at that photograph and its light; if the light is wrong, correct it or measure with "
+            "--refine-lights."
         )
     else:
         message += "; measure with --refine-lights."

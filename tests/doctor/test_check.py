@@ -147,7 +147,7 @@ def test_a_lamp_that_fired_twice_is_told_and_which_picture_lacks_its_own(right, 
     images[6] = factor * noisy(lambertian(bumps(), LIGHTS[2:]), seed=3).images[0]
     (found,) = findings_of(replace(right, images=images))
     assert found.kind == "repeated" and found.grave and found.numbers["pairs"] == [["IMG_3.png", "IMG_7.png"]]
-    assert "(IMG_7.png fits its own worse)" in found.message
+    assert "(IMG_7.png fits its own light worse)" in found.message
 
 
 @pytest.mark.parametrize("factor", [1.5, 1.15, 0.85])

@@ -121,13 +121,13 @@ def doubtful(found: Sequence[Encoding]) -> list[str]:
     notes = []
     if unread:
         notes.append(
-            f"the colour profile of {unread} photographs has no tone curves that can be read, and was not applied; "
+            f"the colour profile of {unread} photographs has no tone curves that can be read, so it was not applied; "
             "export them with sRGB's profile or a linear one, or add --srgb or --linear."
         )
     if silent:
         notes.append(
-            f"{silent} photographs are JPEG files that don't say how they are encoded, and were taken for linear, as "
-            "JPEG files seldom are; add --srgb, or --linear if they are."
+            f"{silent} photographs are JPEG files that don't say how they are encoded. They were taken for linear, "
+            "which JPEG files seldom are; add --srgb, or --linear if they are linear."
         )
     return notes
 

@@ -85,8 +85,8 @@ def ring_note(pictures: Sequence[Picture]) -> list[str]:
         return []
     turn = turns.pop()
     return [
-        f"Exif's orientation: viewers show the pictures {WORDS[turn]}, but --ring and --start count in them as the "
-        f"camera's sensor saw the object; where you counted as viewers show them, add {STARTS[turn]} to --start."
+        f"Exif's orientation: viewers show the pictures {WORDS[turn]}, but --ring and --start count in the pictures "
+        f"as the camera's sensor saw them; if you counted as viewers show them, add {STARTS[turn]} to --start."
     ]
 
 

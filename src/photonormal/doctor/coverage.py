@@ -28,13 +28,11 @@ def coverage(L: Float[np.ndarray, "n 3"]) -> list[Finding]:
     }
     found = []
     if len(L) < FEW:
-        found.append(
-            f"{len(L)} lights leave no sample to spare for shadows and highlights; add photographs, 10 or more"
-        )
+        found.append(f"{len(L)} lights leave no sample to spare for shadows and highlights; use 10 lights or more")
     if zenith.max() < NARROW_DEG:
         found.append(
-            f"all lights are within {zenith.max():.0f} degrees of the camera's axis, so steep parts will be uncertain; "
-            "place some 40 to 60 degrees off it"
+            f"all lights are within {zenith.max():.0f} degrees of the camera's axis, so normals of steep parts will be "
+            "uncertain; place some lights 40 to 60 degrees off that axis"
         )
     elif azimuth.size:
         around = np.sort(azimuth)
@@ -45,24 +43,24 @@ def coverage(L: Float[np.ndarray, "n 3"]) -> list[Finding]:
             across = np.degrees(np.arctan2(V[2, 1], V[2, 0])) % 180
             sides = f"the {_side(across)} and the {_side(across + 180)}"
             found.append(
-                f"the lights lie about in one line, so that slopes across it, to {sides}, are hardly told; add lights "
+                f"the lights lie about in one line, so that slopes across it, to {sides}, are uncertain; add lights "
                 "on both of these sides"
             )
         elif gaps[k] > GAP_DEG:
             side = _side(around[k] + gaps[k] / 2)
             found.append(
                 f"no light comes from the {side} ({gaps[k]:.0f} degrees of the circle are empty), so that side of the "
-                "object is seen in shadow; add lights there"
+                "object lies in shadow; add lights there"
             )
     if not found and numbers["condition"] > UNEVEN:
         found.append(
-            f"the lights are uneven (condition number {numbers['condition']:.0f}); spread them around the axis"
+            f"the lights are uneven (condition number {numbers['condition']:.0f}); spread them around the camera's axis"
         )
     below = np.flatnonzero(L[:, 2] < 0)
     if below.size:
         found.append(
             f"{counted(len(below), 'light lies', 'lights lie')} behind the object (z below 0); z has to point from the "
-            "object to the camera, so turn its sign in the file, or choose the other pictures with --images"
+            "object to the camera, so change the sign of z in the file, or choose the other pictures with --images"
         )
     return [Finding("coverage", bool(below.size), f"{line}.", numbers) for line in found]
 

@@ -79,8 +79,8 @@ def _hardly_differ(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> 
         return []
     message = (
         f"the pictures hardly differ: no part of the object falls below {100 * darkest:.0f} % of its mean in any of "
-        "them. If other light was on (ambient light), which lamps on one ring can't tell, give a picture taken with "
-        "all lamps off as --dark; otherwise place the lamps lower."
+        "them. If other light was on, give a picture taken with all lamps off as --dark; the check can't find that "
+        "light under lamps on one ring. Otherwise place the lamps lower."
     )
     return [Finding("contrast", differ < SAME, message, {"differ": round(differ, 4), "darkest": round(darkest, 4)})]
 
@@ -102,13 +102,13 @@ def _staying_on(
         curved, pro = (pixels.gain(before, pixels.showing(f(pixels.I)).fit(L)[1]) for f in (to_linear, _of_prophoto))
         linear = pro if pro.left < CLEARER * curved.left else curved
         if linear.below(ENCODED) and not (ambient and linear.left > STEEPER * offset.left):
-            better = f"linearised they fit a matt surface {1 / max(linear.left, 0.01):.1f} times better"
+            better = f"linearised, they fit a matt surface {1 / max(linear.left, 0.01):.1f} times better"
             message = f"the pictures look sRGB-encoded: {better}; add --srgb, or export linear pictures."
             options = {"srgb": True, "linear": False}
             if linear is pro:
                 message = (
-                    f"the pictures look encoded with a gamma of {PROPHOTO}, as in ProPhoto RGB: {better}; export them "
-                    "with their colour profile, which is applied, or linear ones."
+                    f"the pictures look encoded with a gamma of {PROPHOTO}, as in ProPhoto RGB: {better}. Export them "
+                    "with their colour profile, or export linear pictures."
                 )
                 options = {}
             numbers = {"misfit_linearised": round(linear.left, 4)}
@@ -119,17 +119,17 @@ def _staying_on(
         linear = pixels.showing(to_linear(pixels.I))
         if _staying_on(linear, L, linear.fit(L)[1], None, False) is None:
             message = (
-                "the pictures look sRGB-encoded, as JPEG files that don't say how they are encoded mostly are: "
-                "linearised they show no light that stays on, and without that they do; add --srgb."
+                "the pictures look sRGB-encoded, as most JPEG files are: as stored, they seem to show light that stays "
+                "on, and linearised they don't; add --srgb."
             )
             numbers = {"misfit_left": round(offset.left, 4)}
             return offset.left, Finding("encoding", True, message, numbers, options={"srgb": True, "linear": False})
     level = float(np.median(on))
-    there = f"{100 * level:.0f} % of full brightness is there whichever lamp is lit"
+    there = f"{100 * level:.0f} % of full brightness stays, whichever lamp is lit"
     if level > DROWNED:
         there = f"the pictures hardly differ, since it is {level:.0f} times as bright as the lamps"
     message = (
-        f"ambient light: {there}; darken the room, or give a picture taken with all lamps off as --dark. If the "
+        f"ambient light: {there}. Darken the room, or give a picture taken with all lamps off as --dark. If the "
         "pictures are sRGB-encoded, add --srgb first."
     )
     numbers = {"ambient_level": round(level, 4), "misfit_left": round(offset.left, 4)}
@@ -155,8 +155,8 @@ def _linear_before(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> t
         return None
     message = (
         "the pictures were linearised, but fit a matt surface "
-        f"{1 / max(gain.left, 0.01):.1f} times better as their files store them: they look linear, whatever is said of "
-        "them; leave --srgb out, or add --linear."
+        f"{1 / max(gain.left, 0.01):.1f} times better as their files store them, so they look linear. Leave --srgb "
+        "out, or add --linear."
     )
     numbers, options = {"misfit_as_stored": round(gain.left, 4)}, {"srgb": False, "linear": True}
     return gain.left, Finding("encoding", True, message, numbers, options=options)
@@ -185,9 +185,9 @@ def _near(
     if gains[k].left > part * by_normals:
         return None
     message = (
-        "the lamps are near: each picture is brighter on its lamp's side, as if lamps were about "
-        f"{WIDTHS[k]:g} widths of the object away, but directions alone are taken for distant lamps. Give --mm-per-px "
-        "with --dome-radius-mm or positions in mm, or a white picture for each light with --flat FOLDER."
+        "the lamps are near: each picture is brighter on its lamp's side, as if they were about "
+        f"{WIDTHS[k]:g} widths of the object away, but only directions are given. Give --mm-per-px with "
+        "--dome-radius-mm or with positions in mm, or a picture of a white board for each light with --flat FOLDER."
     )
     numbers: dict[str, Any] = {"distance_widths": WIDTHS[k], "misfit_left": round(gains[k].left, 4)}
     return gains[k].left, Finding("near", True, message, numbers)
@@ -221,9 +221,9 @@ def _halfway(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> tuple[f
     if pixels.gain(pixels.showing(pixels.I / e).fit(L)[1], after).left > BY_FACTORS:
         return None
     message = (
-        "the lights' directions are halfway to the right ones: doubling their angles to the camera's axis fits "
-        f"{1 / max(gain.left, 0.01):.1f} times better. They look like a mirror sphere's normals at its highlights, but "
-        "the reflections there are needed, 2 (n.v) n - v."
+        "the lights' directions are halfway to the right ones: with twice their angles to the camera's axis they fit "
+        f"{1 / max(gain.left, 0.01):.1f} times better. They look like the normals n of a mirror sphere at its "
+        "highlights. Give the reflections there instead, 2 (n.v) n - v, where v points to the camera."
     )
     numbers = {"misfit_left": round(gain.left, 4)}
     return gain.left, Finding("halfway", True, message, numbers, lights=reflected if gain.left < CORRECTED else None)

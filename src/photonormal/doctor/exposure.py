@@ -49,7 +49,7 @@ def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]
                 "darkness",
                 True,
                 f"{counted(len(black), 'picture is', 'pictures are')} black ({listed(off)}): the lamp was off or "
-                "points elsewhere; choose the others with --images, or photograph this again.",
+                "points elsewhere; choose the other pictures with --images, or photograph these again.",
                 {"pictures": off},
             )
         )
@@ -60,8 +60,8 @@ def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]
             Finding(
                 "darkness",
                 True,
-                f"{100 * dark:.0f} % of the object is black in most pictures; expose more, keep more bits, or check "
-                "that the mask covers the object only.",
+                f"{100 * dark:.0f} % of the object is black in most pictures; expose more, use files of more bits, or "
+                "check that the mask covers the object only.",
                 {"dark_percent": round(100 * dark, 2)},
             )
         )

@@ -180,11 +180,13 @@ def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] 
     numbers = verdict.numbers | {"frame": ", and ".join(what), "half_turn_told": verdict.half}
     known = next((name for name in FRAMES if np.allclose(from_frame(np.eye(3), name), M)), None)
     other = f"where no --frame was given, add --frame {known}" if verdict.half and known else "give another --frame"
-    todo = f"x is right, y up and z to the camera here; correct the lights' file or the ring's --start, or {other}."
+    todo = (
+        f"x has to point right, y up and z to the camera; correct the lights' file or the ring's --start, or {other}."
+    )
     if not verdict.half:
         todo += (
-            " Whether x and y have to change sign as well the shading doesn't tell, since a flat relief looks the same "
-            "inside out: no corrected lights are written; try both."
+            " x and y may have to change sign as well: a flat relief looks the same inside out, so the shading doesn't "
+            "show it, and no corrected lights are written. Try both."
         )
     message = f"the lights' frame disagrees with the pictures: {numbers['frame']}; {todo}"
     return Finding("frame", True, message, numbers), M

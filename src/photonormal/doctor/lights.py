@@ -86,16 +86,16 @@ def _reordered(
     right = given.reordered(order).turned(verdict.frame.matrix())
     sure = orders.sure(order) and (verdict.half or not also)
     if sure:
-        todo = ", or use the corrected one, which `photonormal check FOLDER --out report` writes"
+        todo = ", or use the corrected file that `photonormal check FOLDER --out report` writes"
     elif verdict.half or not also:
-        todo = "; others fit nearly as well, so no corrected one is written"
+        todo = "; other orders fit nearly as well, so no corrected file is written"
     else:
-        todo = "; half a turn can't be told from the shading, so no corrected one is written"
+        todo = "; the shading can't show half a turn, so no corrected file is written"
     finding = Finding(
         "order",
         True,
         f"the lights are not in the pictures' order: {order_name(order, names)} fits{also} (misfit {after:.2f} "
-        f"instead of {before:.2f}, 1 is chance); put the lights' file in that order{todo}.",
+        f"instead of {before:.2f}; a random order has 1); put the lights' file in that order{todo}.",
         {"misfit": round(before, 3), "misfit_best": round(after, 3), "order": order_name(order, names)},
         lights=right.vectors if sure else None,
     )
@@ -116,8 +116,8 @@ def _of_other_pictures(given: Given, mask: Bool[np.ndarray, "h w"], orders: Orde
     if left < WORSE * least or smooth(np.log(brightness.clip(DARK)), L) > ROUGH:
         return None
     message = (
-        f"the lights don't belong to these pictures: others would explain them {left / least:.1f} times better. They "
-        "are another dome's or another day's, or in an order that could not be found; give the file that was made for "
+        f"the lights don't belong to these pictures: other lights would explain them {left / least:.1f} times better. "
+        "The file is another dome's or another day's, or its order could not be found; give the file that was made for "
         "this capture, with the lights in the pictures' order."
     )
     return Finding("order", True, message, {"misfit": round(misfit, 3), "times": round(left / least, 1)})
@@ -170,7 +170,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
             return []
         message = (
             f"the lights' intensities differ from those given by {100 * (np.exp(spread) - 1):.0f} % as a rule; "
-            "find them with `photonormal intensities FOLDER --out FOLDER/light_intensities.txt`, or add "
+            "find the right ones with `photonormal intensities FOLDER --out FOLDER/light_intensities.txt`, or add "
             "--exif-exposure if the camera's exposure changed."
         )
         return [Finding("intensities", True, message, numbers)]
@@ -190,7 +190,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
         "--exif-exposure."
     )
     if factor[off].min() < 1 / SPOILS:
-        message += " What is far darker shows other light, with its lamp off."
+        message += " A picture that is far darker shows other light, with its lamp off."
     return [Finding("intensities", bool(np.abs(np.log(factor[off])).max() > np.log(SPOILS)), message, numbers)]
 
 

@@ -109,7 +109,7 @@ def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str])
             "motion",
             True,
             f"{counted(len(moved), 'picture is', 'pictures are')} shifted against the others ({_told(shift, names)}; "
-            "right and down are positive); align what is shifted in an image editor, choose the others with --images, "
+            "right and down are positive); align these pictures in an image editor, choose the others with --images, "
             "or photograph again with camera and object fixed.",
             {"shifts_px": {names[j]: [round(float(v), 2) for v in shift[j]] for j in moved}},
         )

@@ -37,8 +37,8 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
         say(
             True,
             f"{counted(len(dark), 'lamp shines', 'lamps shine')} away from the object "
-            f"({listed([names[j] for j in dark])}); turn their axes, "
-            "which point from a lamp to where it shines most.",
+            f"({listed([names[j] for j in dark])}); turn their axes round: an axis points from the lamp to where it "
+            "shines most.",
         )
     odd = np.flatnonzero(np.abs(np.log(r / usual)) > np.log(APART)).tolist()
     if odd:
@@ -53,20 +53,20 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
         nearer = f"{1 / factor:.4g} times nearer" if factor < 1 else f"{factor:.3g} times farther"
         say(
             True,
-            f"the lamps are {where}, but the pictures fit lamps about {nearer} much better; positions and --mm-per-px "
-            "have to be in millimetres, not metres, centimetres or inches.",
+            f"the lamps are {where}, but the pictures fit lamps about {nearer} much better; give positions and "
+            "--mm-per-px in millimetres, not in metres, centimetres or inches.",
         )
     elif usual > FAR * width:
         say(
             False,
-            f"the lamps are {where}, as good as distant; if they are nearer, positions or --mm-per-px are not in "
-            "millimetres.",
+            f"the lamps are {where}, as good as distant; if they are nearer, give positions and --mm-per-px "
+            "in millimetres.",
         )
     elif usual < CLOSE * width:
         say(
             False,
-            f"the lamps are only {where}, where depth and positions count most and much lies in shadow; place them 3 "
-            "widths away or more.",
+            f"the lamps are only {where}: errors of positions and depth count most there, and much lies in shadow; "
+            "place the lamps 3 widths away or more.",
         )
     return found
 

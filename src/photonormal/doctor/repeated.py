@@ -41,13 +41,13 @@ def repeated(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str]) 
     pairs.sort(key=lambda pair: shown[tuple(pair)] / expected[tuple(pair)])
     said = [
         f"{names[i]} and {names[j]}, whose lights are {apart[i, j]:.0f} degrees apart "
-        f"({names[i if off[i] > off[j] else j]} fits its own worse)"
+        f"({names[i if off[i] > off[j] else j]} fits its own light worse)"
         for i, j in pairs
     ]
     more = f", and {len(said) - MOST} more pairs" if len(said) > MOST else ""
     message = (
-        f"pictures show the same light, since they are equal but for their brightness: {', '.join(said[:MOST])}{more}. "
-        "A lamp fired twice, or did not; choose the other pictures with --images, or photograph these again."
+        f"pictures show the same light, since they differ in brightness alone: {', '.join(said[:MOST])}{more}. A lamp "
+        "fired twice, or did not fire; choose the other pictures with --images, or photograph these again."
     )
     return [Finding("repeated", True, message, {"pairs": [[names[i], names[j]] for i, j in pairs]})]
 

@@ -128,8 +128,8 @@ def inverted(mask: Bool[np.ndarray, "h w"], samples: Samples) -> list[Finding]:
         return []
     times = f"{left / marked:.0f}" if 100 * marked > left else "more than 100"
     message = (
-        f"the mask looks inverted: what it marks goes round the frame and is {times} times as "
-        "dark as what it leaves out; white has to mark the object, so invert the mask, or name another with --mask."
+        f"the mask looks inverted: the white part goes round the frame and is {times} times as "
+        "dark as the black part. White has to mark the object: invert the mask, or name another with --mask."
     )
     return [Finding("mask", True, message, {"marked_over_left": round(marked / left, 4)})]
 
@@ -140,8 +140,8 @@ def no_mask(given: Bool[np.ndarray, "h w"], judged: Bool[np.ndarray, "h w"]) -> 
         return []
     part = 100 * float(judged.mean())
     message = (
-        f"no mask was given; what stands out of its dark ground was judged, {part:.0f} % of the frame. `photonormal "
-        "mask FOLDER --out FOLDER/mask.png` draws a mask, which keeps the ground out of the results."
+        f"no mask was given, so the check took the bright part, {part:.0f} % of the frame, for the object. "
+        "`photonormal mask FOLDER --out FOLDER/mask.png` draws a mask, which keeps the dark ground out of the results."
     )
     return [Finding("mask", False, message, {"object_percent": round(part, 2)})]
 

@@ -77,7 +77,7 @@ def turned(
     degrees = " and ".join(str(90 * k) for k in np.unique(found[group]))
     message = (
         f"{counted(len(group), 'picture is', 'pictures are')} turned by {degrees} degrees against the others "
-        f"({listed([names[j] for j in group])}); export all as the camera's sensor saw them, without what Exif says of "
-        "how it was held."
+        f"({listed([names[j] for j in group])}); export all pictures as the camera's sensor saw them, without Exif's "
+        "orientation."
     )
     return [Finding("turned", True, message, {"turns_deg": {names[j]: int(90 * found[j]) for j in group}})]

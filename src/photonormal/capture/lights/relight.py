@@ -60,9 +60,9 @@ def read(path: Path) -> LightTable:
     notes = []
     if dome.directions and dome.domeDiameter > 0 and dome.imageWidth > 0:
         notes.append(
-            f"{path.name} tells of lamps {dome.domeDiameter / 2:g} mm away and pictures {dome.imageWidth:g} mm wide: "
-            f"for near lights add --dome-radius-mm {dome.domeDiameter / 2:g}, and with --mm-per-px that width over the "
-            "pictures' pixels."
+            f"{path.name} speaks of lamps {dome.domeDiameter / 2:g} mm away and pictures {dome.imageWidth:g} mm wide: "
+            f"for near lights add --dome-radius-mm {dome.domeDiameter / 2:g}, and --mm-per-px with that width divided "
+            "by the pictures' width in pixels."
         )
     return LightTable(names if len(names) == len(numbers) else [], numbers, ("x", "y", "z"), notes=tuple(notes))
 

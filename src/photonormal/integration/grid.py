@@ -14,28 +14,28 @@ TINY = np.float32(1e-10)  # weights below are none: what rounding leaves between
 
 Weights = Float[np.ndarray, "_ _"]
 FIRST, LAST, ALL = slice(None, -1), slice(1, None), slice(None)
+ENDS = (  # of edges: to the right, down, right and down, right and up
+    *(((ALL, FIRST), (ALL, LAST)), ((FIRST, ALL), (LAST, ALL))),
+    *(((FIRST, FIRST), (LAST, LAST)), ((LAST, FIRST), (FIRST, LAST))),
+)
 
 
 class Grid(NamedTuple):
     """-div(c grad z) where every pixel has up to eight neighbours; odd numbers of rows and columns, or some rows.
 
-    east, south, down, up : weights of the edges (y, x) - (y, x + 1), (y, x) - (y + 1, x), (y, x) - (y + 1, x + 1) and
-        (y + 1, x) - (y, x + 1); the finest grid has none of the last two
+    weights : of the edges (y, x) - (y, x + 1), (y, x) - (y + 1, x) and, but for the finest grid, which has none of
+        these, (y, x) - (y + 1, x + 1) and (y + 1, x) - (y, x + 1)
     inverse : of the sum of a pixel's weights, each without its sign; 0 where it has none
     """
 
-    east: Weights
-    south: Weights
-    down: Weights | None
-    up: Weights | None
+    weights: tuple[Weights, ...]
     inverse: Weights
 
     @classmethod
-    def of(cls, east: Weights, south: Weights, down: Weights | None = None, up: Weights | None = None) -> Grid:
+    def of(cls, east: Weights, south: Weights, *diagonals: Weights) -> Grid:
         h, w = len(east) | 1, south.shape[1] | 1
-        down, up = (None if c is None else padded(c, h - 1, w - 1) for c in (down, up))
-        east, south = padded(east, h, w - 1), padded(south, h - 1, w)
-        grid = cls(east, south, down, up, np.zeros((h, w), np.float32))
+        straight = padded(east, h, w - 1), padded(south, h - 1, w)
+        grid = cls((*straight, *(padded(c, h - 1, w - 1) for c in diagonals)), np.zeros((h, w), np.float32))
 
         def invert(rows: slice) -> None:
             part, own = around(rows, h)
@@ -51,17 +51,13 @@ class Grid(NamedTuple):
 
     def part(self, rows: slice) -> Grid:
         """Some rows and the edges between them."""
-        across = slice(rows.start, rows.stop - 1)
-        down, up = (None if c is None else c[across] for c in (self.down, self.up))
-        return Grid(self.east[rows], self.south[across], down, up, self.inverse[rows])
+        east, *others = self.weights
+        return Grid((east[rows], *(c[rows.start : rows.stop - 1] for c in others)), self.inverse[rows])
 
     def edges(self, *maps: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
         """Weights of the edges, of one kind after the other; each map at both of their ends."""
-        kinds = [(self.east, (ALL, FIRST), (ALL, LAST)), (self.south, (FIRST, ALL), (LAST, ALL))]
-        if self.down is not None and self.up is not None:
-            kinds += [(self.down, (FIRST, FIRST), (LAST, LAST)), (self.up, (LAST, FIRST), (FIRST, LAST))]
-        for c, start, end in kinds:
-            yield c, *(v[place] for place in (start, end) for v in maps)
+        for c, ends in zip(self.weights, ENDS, strict=False):
+            yield c, *(v[end] for end in ends for v in maps)
 
     def flow(self, z: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
         """div(c grad z); without the edges to what lies around, where these are some rows."""

@@ -122,11 +122,15 @@ def shares(grid: Grid) -> list[Weights]:
 
     Weights below zero, which coarser grids may have, count as none: shares are 0 to 1.
     """
-    E, S, D, U = grid.east, grid.south, grid.down, grid.up
-    if D is not None and U is not None:
-        E, S, D, U = (c.clip(0) for c in (E, S, D, U))
+    E, S, *diagonals = (c.clip(0) for c in grid.weights)
     west, east, north, south = E[::2, ::2], E[::2, 1::2], S[::2, ::2], S[1::2, ::2]
-    if D is not None and U is not None:  # the column to a pixel's left acts as one neighbour, as Dendy has it
+    straight, inverse = [S[::2, 1::2], E[1::2, ::2], E[1::2, 1::2], S[1::2, 1::2]], grid.inverse[1::2, 1::2]
+    aslant = []
+    if diagonals:  # the column to a pixel's left acts as one neighbour, as Dendy has it
+        D, U = diagonals
+        aslant = [D[::2, ::2], U[::2, 1::2], U[1::2, ::2], D[1::2, 1::2]]
+        total = sum(aslant, sum(straight[1:], straight[0]))
+        inverse = np.divide(1, total, out=np.zeros_like(total), where=total > TINY)
         west, east, north, south = (c.copy() for c in (west, east, north, south))
         west[:-1] += U[::2, ::2]
         west[1:] += D[1::2, ::2]
@@ -137,26 +141,21 @@ def shares(grid: Grid) -> list[Weights]:
         south[:, 1:] += U[1::2, 1::2]
         south[:, :-1] += D[1::2, ::2]
     w, n = share(west, east), share(north, south)
-    around, inverse = [S[::2, 1::2], E[1::2, ::2], E[1::2, 1::2], S[1::2, 1::2]], grid.inverse[1::2, 1::2]
-    if D is not None and U is not None:
-        around += [D[::2, ::2], U[::2, 1::2], U[1::2, ::2], D[1::2, 1::2]]
-        total = sum(around[1:], around[0])
-        inverse = np.divide(1, total, out=np.zeros_like(total), where=total > TINY)
-    up, left, right, below, *diagonal = (c * inverse for c in around)
+    up, left, right, below = (c * inverse for c in straight)
     corners = [
         up * w[:-1] + left * n[:, :-1],
         up * (1 - w[:-1]) + right * n[:, 1:],
         below * w[1:] + left * (1 - n[:, :-1]),
         below * (1 - w[1:]) + right * (1 - n[:, 1:]),
     ]
-    for corner, c in zip(corners, diagonal, strict=False):  # the finest grid has none
-        corner += c
+    for corner, c in zip(corners, aslant, strict=False):  # the finest grid has none
+        corner += c * inverse
     return [w, n, *corners]
 
 
 def galerkin(grid: Grid, between: Interpolation) -> tuple[Weights, Weights, Weights, Weights]:
     """Weights of the coarser grid's edges; of some rows of a grid: but for the first and the last."""
-    E, S, D, U = grid.east, grid.south, grid.down, grid.up
+    E, S, *diagonals = grid.weights
     w, n = between.west, between.north
     top, bottom = (w[:-1], 1 - w[:-1], 0, 0), (0, 0, w[1:], 1 - w[1:])  # shares of the corners in what lies between
     left, right = (n[:, :-1], 0, 1 - n[:, :-1], 0), (0, n[:, 1:], 0, 1 - n[:, 1:])
@@ -181,7 +180,8 @@ def galerkin(grid: Grid, between: Interpolation) -> tuple[Weights, Weights, Weig
     add(S[1::2, 1::2], middle, bottom)
     add(E[1::2, ::2], middle, left)
     add(E[1::2, 1::2], middle, right)
-    if D is not None and U is not None:
+    if diagonals:
+        D, U = diagonals
         for k, c in enumerate((D[::2, ::2], U[::2, 1::2], U[1::2, ::2], D[1::2, 1::2])):
             add(c, middle, [float(k == other) for other in range(4)])
         add(U[::2, ::2], top, left)

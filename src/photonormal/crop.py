@@ -80,16 +80,6 @@ class Crop:
             )
         return kept
 
-    def reduced(self, picture: np.ndarray) -> np.ndarray:
-        """The crop of a picture (h, w) or (h, w, c) of the photographs' size: averages over areas, float32."""
-        import cv2
-
-        part = picture[self.box].astype(np.float32)
-        if self.scale == 1:
-            return part
-        small = cv2.resize(part, None, fx=self.scale, fy=self.scale, interpolation=cv2.INTER_AREA)
-        return small.reshape(*self.shape, *picture.shape[2:])
-
     def matrix(self, K: np.ndarray) -> np.ndarray:
         """The photographs' camera matrix (3, 3), pixels, as one of the crop."""
         if K.shape != (3, 3):

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +21,7 @@ from photonormal.files.opening import Opened, noted
 from photonormal.measurement import measure, read_camera
 from photonormal.methods import DEFAULT, configure, parse
 from photonormal.options import Frame, LightsFrom, Precision
-from photonormal.provenance import Made, inputs, made_by
+from photonormal.provenance import Made, folder_of, inputs, made_by
 from photonormal.rig.spheres import AUTO, calibrate
 from photonormal.types import Capture, InputError, Result
 
@@ -80,8 +79,7 @@ class Job:
     @property
     def folder(self) -> Path:
         """Of the capture's photographs."""
-        place = place_of(self.capture)
-        return place if os.path.isdir(place) else place.parent
+        return folder_of(place_of(self.capture))
 
     def located(self, base: Path = Path()) -> Job:
         """The same, its sphere `AUTO`, one folder's path, or none; `base` is what that is relative to."""

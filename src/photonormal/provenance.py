@@ -140,7 +140,7 @@ def inputs(capture: Path, read: Mapping[Path, Opened], names: Callable[[Path], s
     InputError
         If one of them has changed since, or is gone.
     """
-    folder = folder_of(capture)
+    folder = folder_of(capture).resolve()
     files: dict[str, Input] = {}
     for path, (stamp, digest) in sorted(read.items()):
         try:
@@ -181,7 +181,7 @@ def changed(capture: Path, before: Inputs, names: Callable[[Path], set[str]] = n
 
 def folder_of(capture: Path) -> Path:
     """The folder that a capture lies in: itself, or that of its list."""
-    return (capture if os.path.isdir(capture) else capture.parent).resolve()
+    return capture if os.path.isdir(capture) else capture.parent
 
 
 def _name(path: Path, folder: Path) -> str:

@@ -36,8 +36,6 @@ if TYPE_CHECKING:
 Image = Float[np.ndarray, "h w c"]  # linear radiance / light intensity, float32
 Lights = Float[np.ndarray, "n 3"]  # unit vectors, from the surface to the light
 Mask = Bool[np.ndarray, "h w"]  # True on the object
-NormalMap = Float[np.ndarray, "h w 3"]  # unit on the mask, zero outside
-DepthMap = Float[np.ndarray, "h w"]  # NaN outside the mask
 
 T = TypeVar("T")
 

@@ -11,13 +11,13 @@ from photonormal.capture.corrections import Corrected
 from photonormal.capture.images import MARGIN, ImageFiles
 from photonormal.capture.store import Framed
 from photonormal.crop import Crop
-from photonormal.masked import box_of
+from photonormal.masked import box_of, made_smaller
 from photonormal.types import Capture, Image, InputError, Normals, saturated_in
 
 
 def cropped(capture: Capture, images: ImageFiles | Corrected, crop: Crop) -> Capture:
     """The crop of a capture, whose `images` these are; lamps, camera, mask and truth follow."""
-    mask = crop.reduced(capture.mask) > 0.5
+    mask = reduced(capture.mask, crop) > 0.5
     if not mask.any():
         raise InputError(f"--scale {crop.scale:g} leaves nothing of the object; give a larger one.")
     lamps, camera = capture.lamps, capture.camera
@@ -37,10 +37,16 @@ def cropped(capture: Capture, images: ImageFiles | Corrected, crop: Crop) -> Cap
 
 def normals(truth: Normals, crop: Crop) -> Normals:
     """Mean directions of the normals that are known."""
-    map = crop.reduced(truth.map)
+    map = reduced(truth.map, crop)
     length = np.linalg.norm(map, axis=-1)
-    known = (crop.reduced(truth.mask) > 0.5) & (length > 0)
+    known = (reduced(truth.mask, crop) > 0.5) & (length > 0)
     return Normals(map / np.where(known, length, 1)[..., None], known)
+
+
+def reduced(picture: np.ndarray, crop: Crop) -> np.ndarray:
+    """The crop of a picture (h, w) or (h, w, c) of the photographs' size: means over areas, float32."""
+    small = made_smaller(picture[crop.box].astype(np.float32), crop.scale)
+    return small.reshape(*crop.shape, *picture.shape[2:])
 
 
 class Cropped:
@@ -56,7 +62,7 @@ class Cropped:
         self.images, self.crop, self.dtype = images, crop, images.dtype
         n, _, _, c = images.shape
         self.shape: tuple[int, int, int, int] = (n, *crop.shape, c)
-        self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: crop.reduced(images.decoded(j))[box])
+        self._kept = Framed(self.shape, box, np.dtype(np.float32), lambda j: reduced(images.decoded(j), crop)[box])
 
     def __getitem__(self, j: int) -> Image:
         return self.window(j, slice(None), slice(None))
@@ -72,7 +78,7 @@ class Cropped:
         if self.crop.scale == 1:
             return saturated_in(self.images, j, *self._in_photographs(rows, columns))
         whole = saturated_in(self.images, j, slice(None), slice(None))
-        return None if whole is None else self.crop.reduced(whole.astype(np.float32))[rows, columns] > 0.5
+        return None if whole is None else reduced(whole, self.crop)[rows, columns] > 0.5
 
     def _in_photographs(self, rows: slice, columns: slice) -> tuple[slice, slice]:
         """Rows and columns of the crop where they lie in the photographs."""

@@ -11,8 +11,8 @@ import photonormal as pn
 from photonormal.capture.blobby import listed_samples
 from photonormal.disk import at_once
 from photonormal.synth import recipe, render
-from photonormal.synth.layout import BlobbyWriter, write_diligent
-from photonormal.synth.shards import read_shards, shard_sizes
+from photonormal.synth.layout import BlobbyWriter, RenderedObject, write_diligent
+from photonormal.synth.shards import read_sample, shard_sizes
 from photonormal.synth.stream import Stream
 from photonormal.types import InputError
 
@@ -24,14 +24,14 @@ def sample():
     batch = next(iter(Stream(TINY, 1)))
     images = batch.images[0].permute(0, 2, 3, 1).numpy()
     normals = batch.normals[0].permute(1, 2, 0).numpy()
-    return images, batch.lights[0].numpy().astype(np.float64), normals, batch.mask[0, 0].numpy()
+    return RenderedObject(images, batch.lights[0].numpy().astype(np.float64), normals, batch.mask[0, 0].numpy())
 
 
 def test_diligent_layout_is_read_back(tmp_path, sample):
     images, lights, normals, mask = sample
     intensities = np.random.default_rng(0).uniform(0.5, 1, (5, 3))
     with at_once(tmp_path / "made") as batch:
-        write_diligent(batch, images, lights, normals, mask, intensities)
+        write_diligent(batch, sample, intensities)
     capture = pn.load(tmp_path / "made")
     assert np.array_equal(capture.mask, mask)
     assert np.allclose(capture.lights, lights, atol=1e-6)
@@ -45,7 +45,7 @@ def test_blobby_layout_is_read_back(tmp_path, sample):
     with at_once(tmp_path / "set") as batch:
         writer = BlobbyWriter(batch)
         for k in range(3):
-            writer.write(f"blob{k}", "alum-bronze", images, lights, normals, mask)
+            writer.write(f"blob{k}", "alum-bronze", sample)
     listed = listed_samples(tmp_path / "set")
     assert len(listed) == 3
     capture = pn.load(listed[1])
@@ -64,11 +64,15 @@ def test_render_writes_as_many_samples_as_asked_for(tmp_path, layout):
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
     if layout == "shards":
         assert json.loads((out / "recipe.json").read_text())["count"] == 3
-        read = list(read_shards(out))
-        assert sum(len(batch.mask) for batch in read) == 3
-        made = next(iter(Stream(TINY, 2)))
-        assert torch.allclose(read[0].images, made.images, atol=1e-5)
-        assert torch.allclose(read[0].normals, made.normals, atol=1e-4)
+        sizes = shard_sizes(out)
+        assert sum(b for b, *_ in sizes.values()) == 3
+        made, file = next(iter(Stream(TINY, 2))), next(iter(sizes))
+        for i in range(2):
+            read = read_sample(file, i)
+            assert torch.allclose(read.images[0], made.images[i], atol=1e-5)
+            assert torch.allclose(read.normals[0], made.normals[i], atol=1e-4)
+            assert torch.equal(read.lights[0], made.lights[i])
+            assert torch.equal(read.mask[0], made.mask[i])
     elif layout == "diligent":
         folders = sorted(p for p in out.iterdir() if p.is_dir())
         assert len(folders) == 3
@@ -99,10 +103,10 @@ def test_what_cannot_be_written_is_refused_and_nothing_is_left(tmp_path):
 
 def test_a_folder_without_shards_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"holds no \.safetensors"):
-        list(read_shards(tmp_path))
+        shard_sizes(tmp_path)
     (tmp_path / "0.safetensors").write_bytes(b"not a shard at all")
     with pytest.raises(InputError, match="not a shard"):
-        list(read_shards(tmp_path))
+        shard_sizes(tmp_path)
     tensors = {"images": torch.zeros(2, 4, 3, 8, 8), "lights": torch.zeros(2, 4, 3)}
     tensors |= {"normals": torch.zeros(2, 3, 8, 8, dtype=torch.int16), "mask": torch.ones(2, 1, 8, 8).byte()}
     for wrong in (tensors["images"], tensors["images"][:, :3].to(torch.uint16), tensors["images"][0].to(torch.uint16)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,23 +11,29 @@ from jaxtyping import Bool, Float
 from photonormal.disk import FileBatch, Inside
 
 
+class RenderedObject(NamedTuple):
+    """Linear images of an object, radiance over intensity, of which 1 is the brightest light's full scale."""
+
+    images: Float[np.ndarray, "n h w 3"]
+    lights: Float[np.ndarray, "n 3"]
+    normals: Float[np.ndarray, "h w 3"]
+    mask: Bool[np.ndarray, "h w"]
+
+
 def write_diligent(
     folder: FileBatch | Inside,
-    images: Float[np.ndarray, "n h w 3"],
-    lights: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "h w 3"],
-    mask: Bool[np.ndarray, "h w"],
+    rendered: RenderedObject,
     intensities: Float[np.ndarray, "n 3"] | None = None,
     bits: int = 16,
 ) -> None:
     """A DiLiGenT object: 16-bit pictures of radiance times intensity, lists, mask and ``Normal_gt.mat``.
 
-    `images` are radiance over intensity; the brightest light's full scale is 1. `bits` below 16 leaves the lowest ones
-    of each 16-bit sample zero, as a camera of fewer bits does.
+    `bits` below 16 leaves the lowest ones of each 16-bit sample zero, as a camera of fewer bits does.
     """
     import cv2
     from scipy.io import savemat
 
+    images, lights, normals, mask = rendered
     n = len(images)
     if intensities is None:
         intensities = np.ones((n, 3))
@@ -58,18 +65,11 @@ class BlobbyWriter:
         for name in ("train_mtrl.txt", "val_mtrl.txt"):
             (root / name).touch()
 
-    def write(
-        self,
-        shape: str,
-        material: str,
-        images: Float[np.ndarray, "n h w 3"],
-        lights: Float[np.ndarray, "n 3"],
-        normals: Float[np.ndarray, "h w 3"],
-        mask: Bool[np.ndarray, "h w"],
-    ) -> None:
+    def write(self, shape: str, material: str, rendered: RenderedObject) -> None:
         """Add one sample; the last of each hundred goes to the validation list."""
         import cv2
 
+        images, lights, normals, mask = rendered
         around = self.root.inside(f"Images/{shape}")
         folder = around.inside(material)
         coded = np.where(mask[..., None], np.round((normals + 1) / 2 * 255), 127).astype(np.uint8)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from photonormal import disk
 from photonormal.disk import PARTIAL, at_once
-from photonormal.synth.layout import BlobbyWriter, write_diligent
+from photonormal.png import encode_png
+from photonormal.synth.layout import BlobbyWriter, RenderedObject, write_diligent
 from photonormal.synth.params import rng
-from photonormal.synth.preview import contact_sheet, encode_sheet
+from photonormal.synth.preview import contact_sheet
 from photonormal.synth.recipes import Rendering, recipe
 from photonormal.synth.shards import write_recipe, write_shard
 from photonormal.synth.stream import RenderedBatch, Stream
@@ -63,67 +63,57 @@ def render(
         raise InputError(f"{count} samples were asked for but at least one is needed; change --count.")
     out = Path(out)
     label = name if isinstance(name, str) else "custom"
+    made = dataclasses.replace(made, scenes=min(made.scenes, -(-count // made.crops)))
+    shown: list[RenderedBatch] = []
+    done = 0
     with at_once(out, wait_seconds=0) as folder:
         if any(p.name != PARTIAL for p in out.iterdir()):
             raise InputError(f"{out} already exists and isn't an empty folder; give another one.")
-        _write(made, label, count, folder, preview, progress, layout, device, seed)
+        blobby = BlobbyWriter(folder) if layout == "blobby" else None
+        for index, batch in enumerate(_batches(made, count, device, seed)):
+            if layout == "shards":
+                write_shard(folder, index, batch)
+            else:
+                for number, rendered in enumerate(_objects(batch), done):
+                    if blobby:
+                        blobby.write(f"{label}{number:06d}", "rendered", rendered)
+                    else:
+                        place = folder.inside(f"{label}_{number + 1:04d}")
+                        write_diligent(place, rendered, _intensities(seed, number, len(rendered.lights)), bits=12)
+            if sum(len(b.mask) for b in shown) < SHOWN:
+                shown.append(batch)
+            done += len(batch.mask)
+            if progress:
+                progress(done, count)
+        if layout == "shards":
+            write_recipe(folder, {"name": label, "seed": seed, "count": count, **dataclasses.asdict(made)})
+        if preview:
+            folder.write("contact-sheet.png", encode_png(contact_sheet(shown)))
     return out
 
 
-def _write(
-    made: Rendering,
-    label: str,
-    count: int,
-    folder: disk.FileBatch,
-    preview: bool,
-    progress,
-    layout: str,
-    device,
-    seed: int,
-) -> None:
-    block = min(made.scenes, -(-count // made.crops))
-    made = dataclasses.replace(made, scenes=block)
-    size = min(SHARD, block * made.crops)
-    blobby = BlobbyWriter(folder) if layout == "blobby" else None
-    shown: list[RenderedBatch] = []
-    done = 0
-    for index, batch in enumerate(Stream(made, size, device, seed)):
-        batch = RenderedBatch(*(getattr(batch, f.name)[: count - done] for f in dataclasses.fields(batch)))
-        if layout == "shards":
-            write_shard(folder, index, batch)
-        else:
-            for i in range(len(batch.mask)):
-                write_sample(batch, i, done + i, label, folder, blobby, seed)
-        if sum(len(b.mask) for b in shown) < SHOWN:
-            shown.append(batch)
-        done += len(batch.mask)
-        if progress:
-            progress(done, count)
-        if done >= count:
-            break
-    if layout == "shards":
-        write_recipe(folder, {"name": label, "seed": seed, "count": count, **dataclasses.asdict(made)})
-    if preview:
-        folder.write("contact-sheet.png", encode_sheet(contact_sheet(shown)))
+def _batches(made: Rendering, count: int, device: torch.device | str, seed: int) -> Iterator[RenderedBatch]:
+    """So many samples in all."""
+    left = count
+    for batch in Stream(made, min(SHARD, made.scenes * made.crops), device, seed):
+        yield RenderedBatch(*(getattr(batch, f.name)[:left] for f in dataclasses.fields(batch)))
+        left -= len(batch.mask)
+        if left <= 0:
+            return
 
 
-def write_sample(
-    batch: RenderedBatch,
-    i: int,
-    index: int,
-    label: str,
-    folder: disk.FileBatch,
-    blobby: BlobbyWriter | None,
-    seed: int = 0,
-) -> None:
-    """Sample `i` of a batch as number `index` of a set."""
-    images = batch.images[i].permute(0, 2, 3, 1).cpu().numpy()  # (n, h, w, 3)
-    normals = batch.normals[i].permute(1, 2, 0).cpu().numpy()
-    lights, mask = batch.lights[i].cpu().numpy().astype(np.float64), batch.mask[i, 0].cpu().numpy()
-    if blobby:
-        blobby.write(f"{label}{index:06d}", "rendered", images, lights, normals, mask)
-        return
-    g = rng(seed, index)
-    n = len(lights)
-    intensities = g.uniform(0.8, 1, (n, 1)) * g.normal(1, 0.03, (n, 3))  # lamps are never quite alike
-    write_diligent(folder.inside(f"{label}_{index + 1:04d}"), images, lights, normals, mask, intensities, bits=12)
+def _objects(batch: RenderedBatch) -> Iterator[RenderedObject]:
+    """The samples of a batch, one after the other."""
+    for images, lights, normals, mask in zip(batch.images, batch.lights, batch.normals, batch.mask, strict=True):
+        yield RenderedObject(
+            images.permute(0, 2, 3, 1).cpu().numpy(),
+            lights.cpu().numpy().astype(np.float64),
+            normals.permute(1, 2, 0).cpu().numpy(),
+            mask[0].cpu().numpy(),
+        )
+
+
+def _intensities(seed: int, number: int, n: int) -> np.ndarray:
+    """(n, 3) of a sample: lamps are never quite alike."""
+    g = rng(seed, number)
+    return g.uniform(0.8, 1, (n, 1)) * g.normal(1, 0.03, (n, 3))

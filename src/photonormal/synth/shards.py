@@ -64,14 +64,9 @@ def shard_sizes(folder: Path) -> dict[Path, list[int]]:
 def read_sample(path: Path, i: int) -> RenderedBatch:
     """Sample `i` of a file, as a batch of one; nothing else of the file is read."""
     with _opened(path) as file:
-        return _decoded([file.get_slice(name)[i : i + 1] for name in TENSORS])
-
-
-def read_shards(folder: Path, device: torch.device | str = "cpu") -> Iterator[RenderedBatch]:
-    """The batches of a set, in order."""
-    for path in shard_sizes(folder):
-        with _opened(path) as file:
-            yield _decoded([file.get_tensor(name).to(device) for name in TENSORS])
+        images, lights, normals, mask = (file.get_slice(name)[i : i + 1] for name in TENSORS)
+    normals = torch.nn.functional.normalize(normals.float(), dim=1)
+    return RenderedBatch(images.to(torch.int32).float() / 65535, lights, normals, mask.bool())
 
 
 @contextmanager
@@ -83,9 +78,3 @@ def _opened(path: Path) -> Iterator[Any]:
             yield file
     except (SafetensorError, OSError) as error:
         raise InputError(f"{path} is not a shard of a rendered set ({error}); render it again.") from None
-
-
-def _decoded(tensors: list[torch.Tensor]) -> RenderedBatch:
-    images, lights, normals, mask = tensors
-    normals = torch.nn.functional.normalize(normals.float(), dim=1)
-    return RenderedBatch(images.to(torch.int32).float() / 65535, lights, normals, mask.bool())

@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from photonormal.disk import at_once
 from photonormal.geometry import fibonacci_hemisphere
+from photonormal.synth.layout import RenderedObject
 from photonormal.synth.library import data_folder
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.cycles import KINDS, cells, kind_of_material
@@ -183,7 +184,7 @@ def _render(
             write_cyclesps(folder, {k: v[i] for k, v in images.items()}, l, normals, mask)
         else:
             folder = out / item if len(L) == 1 else out / f"L{len(l)}" / item
-            write_object(folder, images[""][i], l, normals, mask)
+            write_object(folder, RenderedObject(images[""][i], l, normals, mask))
 
 
 def _exposed(I: Float[np.ndarray, "n s s 3"]) -> Float[np.ndarray, "n s s 3"]:

@@ -9,20 +9,17 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.disk import at_once
-from photonormal.synth.layout import write_diligent
+from photonormal.png import encode_png
+from photonormal.synth.layout import RenderedObject, write_diligent
 from photonormal.synth.pathtraced.tracer import eroded
 
+WHITE = np.uint8(255)  # on a mask
 
-def write_object(
-    folder: Path,
-    images: Float[np.ndarray, "n h w 3"],
-    lights: Float[np.ndarray, "n 3"],
-    normals: Float[np.ndarray, "h w 3"],
-    mask: Bool[np.ndarray, "h w"],
-) -> None:
-    """A DiLiGenT object of linear images whose full scale is 1."""
+
+def write_object(folder: Path, rendered: RenderedObject) -> None:
+    """A DiLiGenT object."""
     with at_once(folder) as batch:
-        write_diligent(batch, images, lights, normals, mask)
+        write_diligent(batch, rendered)
 
 
 def write_cyclesps(
@@ -41,8 +38,8 @@ def write_cyclesps(
         np.savetxt(batch / "light.txt", lights, "%.7f")
         coded = np.round((normals + 1) / 2 * 65535).astype(np.uint16)
         batch.write("gt_normal.tif", _tiff(coded))
-        batch.write("inboundary.png", _png(mask))
-        batch.write("onboundary.png", _png(mask & ~eroded(mask)))
+        batch.write("inboundary.png", encode_png(WHITE * mask))
+        batch.write("onboundary.png", encode_png(WHITE * (mask & ~eroded(mask))))
 
 
 def _tiff(picture: np.ndarray) -> bytes:
@@ -52,10 +49,3 @@ def _tiff(picture: np.ndarray) -> bytes:
     encoded = io.BytesIO()
     tifffile.imwrite(encoded, picture, photometric="rgb")
     return encoded.getvalue()
-
-
-def _png(mask: Bool[np.ndarray, "h w"]) -> bytes:
-    """A PNG file, white on the mask."""
-    import cv2
-
-    return cv2.imencode(".png", mask.astype(np.uint8) * 255)[1].tobytes()

@@ -50,6 +50,11 @@ def under(
     return capture if lights is None else replace(capture, lights=lights, lamps=None)
 
 
+def frontal(lights: Float[np.ndarray, "n 3"] | None) -> int:
+    """Which photograph shows most: that of the light nearest to the camera; the first where lights are unknown."""
+    return 0 if lights is None else int(np.argmax(lights[:, 2]))
+
+
 class Divided:
     """Pictures over the intensities of their lights (`photonormal.types.Images`)."""
 

@@ -28,6 +28,7 @@ from photonormal.bench.store import (
     write_truth,
 )
 from photonormal.export.mesh import display
+from photonormal.lighting import frontal
 from photonormal.options import Precision
 from photonormal.progress import progress
 from photonormal.resources import cores
@@ -48,6 +49,18 @@ class RunOutcome:
         self.predicted += other.predicted
         self.kept += other.kept
         self.failures += other.failures
+
+
+@dataclass(frozen=True)
+class HowPredicted:
+    """What is done with every object."""
+
+    contest: list[Entry]
+    plan: Plan
+    out: Path
+    device: str
+    precision: Precision
+    jobs: int
 
 
 def bench(
@@ -115,7 +128,7 @@ def bench(
             made = {**config, "benchmark": benchmark, "precision": precision, "srgb": srgb}
             check_config(Path(out) / entry.label / dataset, made)
         ready.append(entry)
-    run = partial(run_object, contest=ready, plan=plan, out=Path(out), device=device, precision=precision, jobs=jobs)
+    run = partial(run_object, how=HowPredicted(ready, plan, Path(out), device, precision, jobs))
     with progress(f"{benchmark}: {len(chosen)} objects", len(chosen)) as advance:
         for done in _each(run, chosen, jobs):
             outcome.add(done)
@@ -123,34 +136,31 @@ def bench(
     return outcome
 
 
-def run_object(
-    item: Item, contest: list[Entry], plan: Plan, out: Path, device: str, precision: Precision = "auto", jobs: int = 1
-) -> RunOutcome:
+def run_object(item: Item, how: HowPredicted) -> RunOutcome:
     """Every method on every selection of one object."""
-
     outcome = RunOutcome()
     try:
         capture = item.load()
-        selections = plan.of(item, capture.images.shape[0])
-        kept = truth_path(out, item.dataset, item.name)
+        selections = how.plan.of(item, capture.images.shape[0])
+        kept = truth_path(how.out, item.dataset, item.name)
         if not kept.is_file():
             write_truth(kept, truth_of(capture))
-        unlit = item.load(lights=False) if any(e.solver().needs.finds_lights for e in contest) else None
+        unlit = item.load(lights=False) if any(e.solver().needs.finds_lights for e in how.contest) else None
     except InputError as error:
         outcome.failures.append(f"{item.dataset}, {item.name}: {error}")
         return outcome
     read: float | None = None
-    for entry in contest:
+    for entry in how.contest:
         shown = unlit if unlit is not None and entry.solver().needs.finds_lights else capture
         for selection in selections:
-            path = prediction_path(out, entry.label, item.dataset, item.name, selection.name)
+            path = prediction_path(how.out, entry.label, item.dataset, item.name, selection.name)
             if path.is_file():
                 outcome.kept += 1
                 continue
             try:
                 if read is None:
                     read = _read(capture)
-                _predict(path, item, shown, entry, selection, device, precision, read, jobs)
+                _predict(path, item, shown, entry, selection, read, how)
                 outcome.predicted += 1
             except Exception as error:  # whatever a method fails with, the others go on
                 log.debug("%s on %s", entry.label, item.name, exc_info=True)
@@ -164,9 +174,8 @@ def run_object(
 
 
 def truth_of(capture: Capture) -> Truth:
-    """What its predictions are compared with; the photograph is the one lit most from the camera's side."""
-    brightest = 0 if capture.lights is None else int(np.argmax(capture.lights[:, 2]))
-    photograph = capture.images[brightest]
+    """What its predictions are compared with."""
+    photograph = capture.images[frontal(capture.lights)]
     white = float(np.quantile(photograph[capture.mask], 0.99)) or 1.0
     shown = display(np.broadcast_to(photograph / white, (*capture.mask.shape, 3)))
     return Truth(capture.truth, capture.mask, shown)
@@ -178,24 +187,22 @@ def _predict(
     capture: Capture,
     entry: Entry,
     selection: Selection,
-    device: str,
-    precision: Precision,
-    read: float,
-    jobs: int,
+    read_s: float,
+    how: HowPredicted,
 ) -> None:
     """One method on one selection, measured and stored."""
     from photonormal.measurement import measure
     from photonormal.methods.engine.device import torch_device
     from photonormal.resources import gpu_peak_mb, peak_mb, processor, reset_peak
 
-    where = torch_device(device)
+    where = torch_device(how.device)
     part = selected(capture, selection)
     reset_peak()
     normals_only: Any = {"integration": None, "albedo": False, "expected_error": False, "examine": False}
-    result = measure(part, entry.method, device, entry.options, precision=precision, **normals_only)
+    result = measure(part, entry.method, how.device, entry.options, precision=how.precision, **normals_only)
     normals, seconds = result.normals, dict(result.report["seconds"])
     if selection.protocol == "all":
-        seconds["read"] = read
+        seconds["read"] = read_s
     record = {
         "object": item.name,
         "dataset": item.dataset,
@@ -210,7 +217,7 @@ def _predict(
         "precision": result.report["precision"],
         "processor": processor(),
         "cores": cores(),
-        "jobs": jobs,
+        "jobs": how.jobs,
     }
     write_prediction(path, normals, record, half=selection.protocol == "draws")
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.disk import Content, write
+from photonormal.export.mesh import FACES
 from photonormal.geometry import known_frame
 from photonormal.types import InputError, Normals, Result, Surface, as_normals
 
@@ -22,7 +23,7 @@ def save(
     albedo: np.ndarray | None = None,
     frame: str = "opengl",
     mm_per_px: float | None = None,
-    most_faces: int = 2_000_000,
+    most_faces: int = FACES,
 ) -> Path:
     """Write normals or a surface to one file, or all of a measurement to a folder; whole or not at all.
 
@@ -64,7 +65,7 @@ def encoded(
     albedo: np.ndarray | None = None,
     frame: str = "opengl",
     mm_per_px: float | None = None,
-    most_faces: int = 2_000_000,
+    most_faces: int = FACES,
     white: float = 1.0,
 ) -> Content:
     """The content of a file of that name, as `save` writes it; the albedo is 1 where it is `white`."""

@@ -51,7 +51,7 @@ def span(low: float, high: float, mm_per_px: float | None) -> str:
     return f"from {low:.9g} to {high:.9g} {'px' if mm_per_px is None else 'mm'}"
 
 
-def depth_npz(surface: Surface, mm_per_px: float | None = None) -> Content:
+def depth_npz(surface: Surface, mm_per_px: float | None) -> Content:
     """`depth` float32 (h, w), NaN outside; `mask` bool (h, w); `K` (3, 3) of a perspective view; with `mm_per_px`,
     which is in the file then, depth is in millimetres."""
     about: dict[str, np.ndarray] = {} if surface.K is None else {"K": surface.K}

@@ -62,7 +62,7 @@ def scale_of(surface: Surface, mm_per_px: float | None) -> float:
     return mm_per_px if surface.K is None else float(surface.K[0, 0]) * mm_per_px
 
 
-def coordinates(mask: np.ndarray, step: int = 1) -> Float[np.ndarray, "v 2"]:
+def coordinates(mask: np.ndarray, step: int) -> Float[np.ndarray, "v 2"]:
     """Places of the pixels of `vertices` in the picture: x to the right, y up, both from 0 to 1."""
     row, column = step * np.array(np.nonzero(mask[::step, ::step]))
     h, w = mask.shape

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from photonormal.disk import Content
-from photonormal.export.mesh import FACES, coordinates, display, faces, scale_of, step_for, vertices
+from photonormal.export.mesh import coordinates, display, faces, scale_of, step_for, vertices
 from photonormal.export.ply import ply
 from photonormal.types import InputError, Normals, Surface
 
@@ -22,8 +22,8 @@ def encode(
     normals: Normals | None,
     albedo: np.ndarray | None,
     mm_per_px: float | None,
-    most_faces: int = FACES,
-    white: float = 1.0,
+    most_faces: int,
+    white: float,
 ) -> Content:
     """The content of a mesh; it leaves out pixels without depth.
 

@@ -16,6 +16,7 @@ from photonormal.export.lights import lp, table
 from photonormal.export.materials import write_materials
 from photonormal.export.mesh import FACES, display, step_for
 from photonormal.export.pictures import MARGIN, PREVIEW_HEIGHT, preview, thumbnail
+from photonormal.lighting import frontal
 from photonormal.masked import box_of, means
 from photonormal.png import SRGB, by_rows, encode_png
 from photonormal.resources import cores, in_threads
@@ -52,12 +53,6 @@ def write_result(
     def write(name: str, what: Normals | Surface, **how: Any) -> Callable[[], None]:
         return lambda: folder.write(name, encoded(what, name, **how))
 
-    def mesh() -> None:
-        assert surface is not None
-        how: dict[str, Any] = {"mm_per_px": unit, "most_faces": most_faces, "white": white}
-        data = encoded(surface, "mesh.ply", normals, result.albedo, **how)
-        folder.write("mesh.ply", data)
-
     jobs = [
         lambda: pictures(result, folder, white, linear_albedo),
         write("normals.png", normals, frame=frame),
@@ -67,7 +62,11 @@ def write_result(
         known = result.materials
         jobs.append(lambda: write_materials(known, normals.mask, white, folder))
     if surface is not None:
-        jobs += [mesh, write("depth.npz", surface)]
+        mesh: dict[str, Any] = {"mm_per_px": unit, "most_faces": most_faces, "white": white}
+        jobs += [
+            write("mesh.ply", surface, normals=normals, albedo=result.albedo, **mesh),
+            write("depth.npz", surface),
+        ]
         told["mesh"] = {"mm": unit is not None, "every": step_for(surface.mask, most_faces)}
     if result.lights is not None:
         folder.write("lights.lp", lp(result.capture.image_names, result.lights))
@@ -115,13 +114,13 @@ def albedo_png(albedo: np.ndarray, white: float, linear: bool) -> Content:
 
 
 def photograph(result: Result, box: tuple[slice, slice]) -> np.ndarray:
-    """A part of the photograph (h, w, c) under the light nearest to the camera, which shows most; linear.
+    """A part of the photograph (h, w, c) under the light nearest to the camera; linear.
 
     Large ones as means over squares of pixels, so that few rows are held at a time.
     """
     capture, (rows, columns) = result.capture, box
     lights = capture.lights if result.lights is None else result.lights
-    j = 0 if lights is None else int(np.argmax(lights[:, 2]))
+    j = frontal(lights)
     step = max(1, (rows.stop - rows.start) // (2 * PREVIEW_HEIGHT))
     if step == 1:
         return capture.window(j, rows, columns)

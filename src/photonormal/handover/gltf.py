@@ -12,7 +12,6 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.disk import at_once
-from photonormal.export.folder import result_files
 from photonormal.export.mesh import FACES, display, faces, positions, scale_of, step_for
 from photonormal.files.memory import scratch_folder
 from photonormal.geometry import normalised
@@ -35,7 +34,6 @@ def export_gltf(
     out: Path,
     mm_per_px: float | None = None,
     overwrite: bool = False,
-    most_faces: int = FACES,
     texture: int = TEXTURE,
 ) -> tuple[Path, float]:
     """Write a result as one .glb file: mesh with tangents, base colour, normal map, occlusion.
@@ -50,7 +48,6 @@ def export_gltf(
     out : the file to write
     mm_per_px : millimetres that a pixel is wide, where the report does not say
     overwrite : replace a file that exists
-    most_faces : of the mesh, about, see `photonormal.export.save`
     texture : pixels of a picture's side at most, SMALLEST to LARGEST
 
     Raises
@@ -60,13 +57,13 @@ def export_gltf(
     """
     if not SMALLEST <= texture <= LARGEST:
         raise InputError(f"--texture {texture} came but {SMALLEST} to {LARGEST} pixels are needed; choose so many.")
-    refuse("gltf", out, overwrite, result_files(result))
+    refuse("gltf", result, out, overwrite)
     with (
         textured_relief(result, mm_per_px) as found,
         at_once(out.parent) as batch,
         (batch / out.name).open("wb") as file,
     ):
-        file.writelines(encoded(found, most_faces, texture))
+        file.writelines(encoded(found, texture=texture))
         longest = max(side.stop - side.start for side in box_of(found.known, MARGIN))
     return out, max(1.0, longest / texture)
 

@@ -83,7 +83,7 @@ def export_maps(
     """
     if program not in PROGRAMS:
         raise InputError(f"--program {program[:40]!r} came but {', '.join(PROGRAMS)} are known; choose one.")
-    refuse("maps", out, overwrite, [result])
+    refuse("maps", result, out, overwrite)
     with ExitStack() as kept:
         found = kept.enter_context(textured_relief(result, mm_per_px))
         layers = sheet(found)

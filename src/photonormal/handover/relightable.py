@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from photonormal.disk import at_once
-from photonormal.export.folder import result_files
 from photonormal.handover.opened import photographs_needed, refuse
 from photonormal.relighting import FORMATS, files, web
 
@@ -34,9 +33,9 @@ def export_relighting(
     InputError
         If the format or the folder is none, or the photographs are not there.
     """
-    refuse(kind, out, overwrite, [result, *result_files(result)])
+    refuse(kind, result, out, overwrite)
     photographs, read = photographs_needed(result, capture, f"{kind} is")
-    refuse(kind, out, overwrite, read)
+    refuse(kind, result, out, overwrite, read)
     if FORMATS[kind].ending:
         with at_once(out.parent) as batch:
             files.write(photographs, kind, batch / out.name)

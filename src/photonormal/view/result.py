@@ -19,7 +19,7 @@ from photonormal.export.folder import REPORT
 from photonormal.export.heights import read_depth
 from photonormal.export.mesh import display
 from photonormal.export.pictures import read_albedo
-from photonormal.lighting import under
+from photonormal.lighting import frontal, under
 from photonormal.masked import box_of
 from photonormal.options import NotNegative, Positive, Scale, Whole, check_value
 from photonormal.scoring import error_map_deg
@@ -292,5 +292,5 @@ def _add_photographs(about: dict[str, Any], capture: Capture | None, box: tuple[
         {"index": j, "name": name, "light": None if L is None else [round(float(v), 5) for v in L[j]]}
         for j, name in enumerate(capture.image_names)
     ]
-    picture = capture.images[0 if L is None else int(np.argmax(L[:, 2]))]  # the light nearest to the camera shows most
+    picture = capture.images[frontal(L)]
     return PicturePlanes(capture, box, max(float(np.quantile(picture[capture.mask], 0.99)), 1e-6))

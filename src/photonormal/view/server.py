@@ -80,9 +80,7 @@ def results_application(shown: Sequence[ViewedResult], token: str) -> FastAPI:
     return app
 
 
-def serve(
-    make: Callable[[str], FastAPI], port: int = 0, browser: bool = True, say: Callable[[str], None] = print
-) -> None:
+def serve(make: Callable[[str], FastAPI], port: int = 0, browser: bool = True) -> None:
     """Serve the application that `make` builds for a token until it is interrupted.
 
     Parameters

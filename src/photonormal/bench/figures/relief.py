@@ -7,16 +7,17 @@ import numpy as np
 from photonormal.types import Normals, Surface
 
 SIZE = 360  # pixels of the picture's longer side
+TURN_DEG, TILT_DEG = 35.0, 20.0  # about the vertical, to the viewer
 FINE = 1.5  # points drawn for each pixel of the picture, so that steep parts show no gaps
 LIGHT = (-0.45, 0.5, 0.74)  # from the upper left, in the turned frame
 
 
-def relief(surface: Surface, normals: Normals, turn_deg: float = 35.0, tilt_deg: float = 20.0) -> np.ndarray:
+def relief(surface: Surface, normals: Normals) -> np.ndarray:
     """A matt grey picture (h, w, 3) of an orthographic surface, turned about the vertical and tilted to the viewer."""
     import cv2
 
     mask = surface.mask & normals.mask & np.isfinite(surface.depth)
-    a, t = np.radians(turn_deg), np.radians(tilt_deg)
+    a, t = np.radians(TURN_DEG), np.radians(TILT_DEG)
     about_y = np.array([[np.cos(a), 0, np.sin(a)], [0, 1, 0], [-np.sin(a), 0, np.cos(a)]])
     about_x = np.array([[1, 0, 0], [0, np.cos(t), -np.sin(t)], [0, np.sin(t), np.cos(t)]])
     R = about_x @ about_y

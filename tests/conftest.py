@@ -21,3 +21,16 @@ def data() -> Path:
     if not folder.is_dir():
         pytest.skip("no real captures here; set PHOTONORMAL_DATA")
     return folder.resolve()
+
+
+@pytest.fixture
+def run(capsys):
+    """Run the command line: (exit code, standard output, standard error)."""
+    from photonormal.cli import main
+
+    def call(*arguments):
+        code = main([str(a) for a in arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return call

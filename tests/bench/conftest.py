@@ -2,7 +2,6 @@
 
 import pytest
 
-from photonormal.cli import main
 from tests.scenes import lambertian, ring, sphere, write_diligent
 
 
@@ -13,18 +12,6 @@ def root(tmp_path_factory):
     for name, n in (("ball", 11), ("bear", 23), ("cat", 11)):
         write_diligent(folder / "pmsData" / f"{name}PNG", lambertian(sphere(32), ring(n, 70)))
     return folder
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command line: (exit code, standard output, standard error)."""
-
-    def call(*arguments):
-        code = main([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call
 
 
 @pytest.fixture(scope="session")

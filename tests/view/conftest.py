@@ -86,16 +86,3 @@ def served():
         process.terminate()
         process.wait()
         process.stdout.close()
-
-
-@pytest.fixture
-def run(capsys):
-    """Run the command line: (exit code, standard output, standard error)."""
-    from photonormal.cli import main
-
-    def call(*arguments):
-        code = main([str(a) for a in arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return call

@@ -80,13 +80,13 @@ def read_table(path: Path) -> np.ndarray:
 def read_named(lines: Sequence[str], path: Path) -> tuple[list[str], np.ndarray]:
     """Names, which may hold spaces, and directions (n, 3) of lines `name x y z`."""
     names, directions = [], []
-    for number_of, line in enumerate(lines, 1):
+    for k, line in enumerate(lines, 1):
         name, *numbers = line.rsplit(maxsplit=3)
         try:
             x, y, z = map(number, numbers)
         except ValueError:
             raise InputError(
-                f"line {number_of} of {path} is {line[:60]!r} but `name x y z` is needed; correct it."
+                f"line {k} of {path} is {line[:60]!r} but `name x y z` is needed; correct it."
             ) from None
         names.append(name.strip('"'))
         directions.append([x, y, z])

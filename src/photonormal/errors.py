@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sysconfig
 import traceback
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TypeVar
 
 KNOWN = (  # where our code and that of libraries lies
     Path(__file__).resolve().parents[1],
@@ -14,6 +15,8 @@ KNOWN = (  # where our code and that of libraries lies
 )
 LONGEST = 2000  # characters of a message
 LONGEST_NAME = 300  # of what the user called something
+
+T = TypeVar("T")
 
 
 class InputError(ValueError):
@@ -47,6 +50,13 @@ def no_such(what: str, name: str, known: Iterable[str]) -> InputError:
     known = list(known)
     close = "".join(f"; perhaps {other} is meant" for other in get_close_matches(name, known, 1))
     return InputError(f"no {what} {name[:LONGEST_NAME]!r}{close}; choose from {', '.join(known)}.")
+
+
+def by_name(what: str, name: str, table: Mapping[str, T]) -> T:
+    """What a table has of that name; `no_such` where it has nothing."""
+    if name not in table:
+        raise no_such(what, name, table)
+    return table[name]
 
 
 def in_pixels(shape: tuple[int, ...]) -> str:

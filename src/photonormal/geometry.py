@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.types import no_such
+from photonormal.types import by_name
 
 FRAMES = {  # frame -> its three axes as axes of ours (1: x right, 2: y up, 3: z to the camera), negative where reversed
     "opengl": (1, 2, 3),  # ours; DiLiGenT, PS-FCN, relight's .lp and normal maps
@@ -18,9 +18,7 @@ FRAMES = {  # frame -> its three axes as axes of ours (1: x right, 2: y up, 3: z
 
 def known_frame(name: str) -> tuple[int, int, int]:
     """The axes of a frame; InputError where there is none of that name."""
-    if name not in FRAMES:
-        raise no_such("frame", name, FRAMES)
-    return FRAMES[name]
+    return by_name("frame", name, FRAMES)
 
 
 def in_frame(v: Float[np.ndarray, "*b 3"], name: str) -> Float[np.ndarray, "*b 3"]:
@@ -61,6 +59,14 @@ def fibonacci_hemisphere(n: int) -> Float[np.ndarray, "n 3"]:
     z = 1 - k / n
     r, phi = np.sqrt(1 - z**2), np.pi * (1 + 5**0.5) * k
     return np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+
+
+def fibonacci_cap(n: int, lowest_deg: float) -> Float[np.ndarray, "n 3"]:
+    """The same over the part of the hemisphere that is so high above the horizon."""
+    lowest, l = np.sin(np.radians(lowest_deg)), fibonacci_hemisphere(n)
+    z = lowest + (1 - lowest) * l[:, 2]
+    r = np.sqrt(1 - z**2) / np.linalg.norm(l[:, :2], axis=1)
+    return np.concatenate([l[:, :2] * r[:, None], z[:, None]], 1)
 
 
 def far_apart(v: Float[np.ndarray, "n 3"], count: int) -> list[int]:

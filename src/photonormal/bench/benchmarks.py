@@ -11,7 +11,7 @@ import numpy as np
 
 from photonormal.capture import UNKNOWN, load
 from photonormal.capture.pictures import natural, picture_files
-from photonormal.types import Capture, InputError, no_such
+from photonormal.types import Capture, InputError, by_name
 
 DILIGENT = ("ball", "bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
 FAULTY = {"bear": 20}  # first pictures of an object that are wrong, by the readme of CNN-PS's code
@@ -73,11 +73,9 @@ def items(benchmark: str, root: Path) -> list[Item]:
     InputError
         If the benchmark does not exist or the root holds no object of it.
     """
-    if benchmark not in BENCHMARKS:
-        raise no_such("benchmark", benchmark, BENCHMARKS)
+    find, layout = by_name("benchmark", benchmark, BENCHMARKS)
     if not root.is_dir():
         raise InputError(f"{root} is no folder; give the root of {benchmark}.")
-    find, layout = BENCHMARKS[benchmark]
     found = find(root)
     if not found:
         raise InputError(f"{root} holds no objects of {benchmark}; {layout}.")

@@ -85,9 +85,7 @@ def read_named(lines: Sequence[str], path: Path) -> tuple[list[str], np.ndarray]
         try:
             x, y, z = map(number, numbers)
         except ValueError:
-            raise InputError(
-                f"line {k} of {path} is {line[:60]!r} but `name x y z` is needed; correct it."
-            ) from None
+            raise InputError(f"line {k} of {path} is {line[:60]!r} but `name x y z` is needed; correct it.") from None
         names.append(name.strip('"'))
         directions.append([x, y, z])
     return names, np.array(directions).reshape(-1, 3)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from photonormal.export.folder import REPORT, listed_files, reported_below
 from photonormal.handover import FORMATS
-from photonormal.types import InputError, no_such
+from photonormal.types import InputError, by_name
 from photonormal.view.result import is_result, report_of
 
 PICTURE, FILM = ".png", ".mp4"  # of several that are relit
@@ -56,9 +56,7 @@ def ending_of(to: str, sweep: bool, out: Path, results: dict[str, Path]) -> str:
     InputError
         If there is no format `to`, or `out` is called like such a file.
     """
-    if to and to not in FORMATS:
-        raise no_such("format", to, FORMATS)
-    ending = FORMATS[to] if to else FILM if sweep else PICTURE
+    ending = by_name("format", to, FORMATS) if to else FILM if sweep else PICTURE
     if ending and out.suffix.lower() == ending:
         raise InputError(
             f"--out {out} is called like one file but several results go into a folder; name one, or "

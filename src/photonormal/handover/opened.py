@@ -12,16 +12,14 @@ from photonormal.export.folder import result_files
 from photonormal.files.opening import read_npz
 from photonormal.handover import FORMATS
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.types import Capture, InputError, no_such
+from photonormal.types import Capture, InputError, by_name
 from photonormal.view.result import photographs_of, report_of
 
 
 def refuse(kind: str, result: Path, out: Path, overwrite: bool, reads: Iterable[Path] = ()) -> None:
     """InputError where there is no such format, the file's ending is another's, or `out` can't be written: it is the
     result, or a file of it, or one of the files that are read."""
-    if kind not in FORMATS:
-        raise no_such("format", kind, FORMATS)
-    ending, reads = FORMATS[kind], [result, *result_files(result), *reads]
+    ending, reads = by_name("format", kind, FORMATS), [result, *result_files(result), *reads]
     if not ending:
         return refuse_filled(out, overwrite, reads)
     if out.suffix.lower() != ending:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from photonormal.lookup import lookup
-from photonormal.types import InputError, Normals, Surface, as_normals, no_such
+from photonormal.types import InputError, Normals, Surface, as_normals, by_name
 
 METHODS = {  # name -> "module:Class", imported only when asked for
     "simchony": "photonormal.integration.simchony:Simchony",
@@ -22,9 +22,7 @@ DEFAULT = "quadratic"
 
 def configure(method: str, **options: Any) -> Callable[[Normals, np.ndarray | None], Surface]:
     """A method with its options set; InputError names what exists where the method or an option does not."""
-    if method not in METHODS:
-        raise no_such("integration", method, METHODS)
-    cls = lookup(METHODS[method])
+    cls = lookup(by_name("integration", method, METHODS))
     if unknown := sorted(set(options) - set(cls.__dataclass_fields__)):
         known = ", ".join(cls.__dataclass_fields__) or "none"
         raise InputError(f"{method} has no option {unknown[0]!r}; it has {known}.")

@@ -6,7 +6,7 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-from photonormal.types import InputError, no_such
+from photonormal.types import InputError, by_name
 
 
 @dataclass(frozen=True)
@@ -151,13 +151,12 @@ def recipe(name: str | Rendering, **changes: Any) -> Rendering:
     InputError
         If there is no such recipe or field, or a value makes no sense.
     """
-    if isinstance(name, str) and name not in RECIPES:
-        raise no_such("recipe", name, RECIPES)
+    given = by_name("recipe", name, RECIPES) if isinstance(name, str) else name
     known = [f.name for f in dataclasses.fields(Rendering)]
     for key in changes:
         if key not in known:
             raise InputError(f"a recipe has no {key!r}; it has {', '.join(known)}.")
-    made = dataclasses.replace(RECIPES[name] if isinstance(name, str) else name, **changes)
+    made = dataclasses.replace(given, **changes)
     check(made)
     return made
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from photonormal.types import InputError, no_such
+from photonormal.types import InputError, by_name
 
 ONE_RIG = ("dpsn",)  # networks that are learned for the lights of one rig
 FALL = 0.25  # share of a flat training in which its rate falls
@@ -343,6 +343,4 @@ def for_rig(recipe: Recipe, lights: np.ndarray | None) -> Recipe:
 
 def recipe(name: str) -> Recipe:
     """A recipe by its name."""
-    if name not in RECIPES:
-        raise no_such("recipe", name, RECIPES)
-    return RECIPES[name]
+    return by_name("recipe", name, RECIPES)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from photonormal.lookup import lookup
-from photonormal.types import InputError, no_such
+from photonormal.types import InputError, by_name
 
 FIGURES = {  # name -> "module:function"; a function takes a Wish and gives a matplotlib figure
     "errors": "photonormal.bench.figures.maps:errors",
@@ -83,8 +83,7 @@ def figure(
     InputError
         If the figure does not exist or what it shows is not there.
     """
-    if name not in FIGURES:
-        raise no_such("figure", name, FIGURES)
+    place = by_name("figure", name, FIGURES)
     if not places:
         raise InputError("no folder came; give the folder of runs, or for convergence those of trainings.")
     from photonormal.bench.figures.style import STYLE, style_context
@@ -94,7 +93,7 @@ def figure(
     folder = Path(out) if out is not None else wish.labelled[0][1] / "figures"
     refuse_taken([folder / f"{name}.{ending}" for ending in ENDINGS], overwrite or out is None)
     with style_context(STYLE):
-        drawn = draw(lookup(FIGURES[name]), wish)
+        drawn = draw(lookup(place), wish)
         files = {}
         for ending in ENDINGS:
             buffer = io.BytesIO()

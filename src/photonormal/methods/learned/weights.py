@@ -19,7 +19,7 @@ from safetensors.torch import save
 from photonormal.lookup import lookup
 from photonormal.methods.learned.network import Model, placed
 from photonormal.stored import Size, Vectors, Word, converted, decoded
-from photonormal.types import InputError
+from photonormal.types import InputError, by_name
 
 NETWORKS = {  # name -> "module:Class", imported only when asked for
     "lambertian-prior": "photonormal.methods.learned.lambertian_prior:LambertianPriorNet",
@@ -41,9 +41,7 @@ LIGHTS = "sdps-lights"  # the weights there that tell lights
 
 def build(network: str, config: dict) -> Any:
     """A network by its name in NETWORKS and the fields of its config, freshly initialised."""
-    if network not in NETWORKS:
-        raise InputError(f"no network {network!r}; choose from {', '.join(NETWORKS)}.")
-    cls = lookup(NETWORKS[network])
+    cls = lookup(by_name("network", network, NETWORKS))
     retired = getattr(cls.Config, "RETIRED", {})  # options of earlier versions, and what they have to be
     for name in sorted(set(config) & set(retired)):
         if config[name] != retired[name]:

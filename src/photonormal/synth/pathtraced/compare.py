@@ -6,7 +6,6 @@ the training renderer has three heights a pixel. Where their images differ is wh
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,13 +14,13 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.geometry import fibonacci_hemisphere
+from photonormal.geometry import fibonacci_cap
 from photonormal.synth.library import FAMILIES
 from photonormal.synth.materials import Coats, dress
 from photonormal.synth.params import rng, tensor
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.meshes import Triangles, polygonise
-from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf
+from photonormal.synth.pathtraced.reflectance import ATTRIBUTES, bsdf, diffuse
 from photonormal.synth.pathtraced.tracer import OrthographicCamera, eroded
 from photonormal.synth.recipes import Rendering, recipe
 from photonormal.synth.scene import Scenes, draw_scenes, frame, heights, shaded
@@ -30,6 +29,7 @@ from photonormal.synth.shadows import distant
 from photonormal.synth.trace import NOWHERE, Geometry, surface_gradient, visible_surface
 
 REACH = 1.7  # half side of the cube that holds a drawn solid
+LOWEST_DEG = 15.0  # elevation of a light
 
 
 @dataclass(frozen=True)
@@ -89,14 +89,6 @@ class BothRenderings:
         return float(100 * np.mean(errors))
 
 
-def lights(n: int, lowest_deg: float = 15.0) -> Float[np.ndarray, "n 3"]:
-    """`n` directions spread over the hemisphere above an elevation."""
-    l = fibonacci_hemisphere(n)
-    z = 1 - (1 - l[:, 2]) * (1 - math.sin(math.radians(lowest_deg)))
-    r = np.sqrt(1 - z**2) / np.linalg.norm(l[:, :2], axis=1)
-    return np.concatenate([l[:, :2] * r[:, None], z[:, None]], 1)
-
-
 def plain(**changes: Any) -> Rendering:
     """The training recipe without a sensor's and a set-up's errors, whole objects only, principled materials."""
     clean = {
@@ -133,7 +125,7 @@ def compare(
     """
     shapes = tuple(float(k == kind) for k in KINDS) if isinstance(kind, str) else Rendering.shapes
     made = plain(shapes=shapes, varying=1.0, detail=detail, bounces=max(1, bounces))
-    L = lights(n)
+    L = fibonacci_cap(n, LOWEST_DEG)
     scenes = draw_scenes(made, rng(seed, 9), 1, n, None)
     scenes = replace(
         scenes, lights=tensor(L)[None], coats=scenes.coats if material is None else plain_coats(scenes.coats, material)
@@ -211,11 +203,6 @@ def dressed(mesh: Triangles, coats: Coats, material: np.ndarray | None) -> Trian
     table = np.zeros((len(mesh.vertices), 12))
     table[:, :11] = values.T.numpy()
     return replace(mesh, attributes={a: table[:, 3 * i : 3 * i + 3] for i, a in enumerate(ATTRIBUTES)})
-
-
-def diffuse(albedo: Any) -> dict[str, Any]:
-    """Mitsuba's own Lambertian material."""
-    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [float(a) for a in albedo]}}
 
 
 def plain_coats(coats: Coats, material: np.ndarray) -> Coats:

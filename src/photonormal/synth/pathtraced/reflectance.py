@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from photonormal.synth.pathtraced.variant import mitsuba
-from photonormal.types import InputError
+from photonormal.types import InputError, by_name
 
 FITS = {"sgd": "merl_sgd.csv", "abc": "merl_abc.csv"}  # family -> table of its parameters
 ATTRIBUTES = ("vertex_base", "vertex_surface", "vertex_cloth", "vertex_coat")  # three numbers each
@@ -29,9 +29,7 @@ def fitted_parameters(folder: Path, family: str) -> dict[str, np.ndarray]:
     InputError
         If there is no such family, or its table is missing or damaged.
     """
-    if family not in FITS:
-        raise InputError(f"no fitted materials {family!r}; choose from {', '.join(FITS)}.")
-    path = folder / FITS[family]
+    path = folder / by_name("fitted materials", family, FITS)
     width = {"sgd": 33, "abc": 9}[family]
     try:
         with path.open(newline="") as file:
@@ -44,6 +42,11 @@ def fitted_parameters(folder: Path, family: str) -> dict[str, np.ndarray]:
     if not table or any(v.shape != (width,) for v in table.values()):
         raise InputError(f"{path} has no or incomplete rows but {width} parameters a material are needed; restore it.")
     return dict(sorted(table.items()))
+
+
+def diffuse(albedo: Any) -> dict[str, Any]:
+    """Mitsuba's own Lambertian material."""
+    return {"type": "diffuse", "reflectance": {"type": "rgb", "value": [float(a) for a in albedo]}}
 
 
 def bsdf(family: str, values: Any, bound: float = BRIGHTEST) -> Any:

@@ -21,17 +21,17 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.disk import at_once
-from photonormal.geometry import fibonacci_hemisphere
+from photonormal.geometry import fibonacci_cap
 from photonormal.synth.layout import RenderedObject
 from photonormal.synth.library import data_folder
 from photonormal.synth.pathtraced import tracer
 from photonormal.synth.pathtraced.cycles import KINDS, cells, kind_of_material
 from photonormal.synth.pathtraced.meshes import Triangles
 from photonormal.synth.pathtraced.objects import OBJECTS
-from photonormal.synth.pathtraced.reflectance import bsdf, fitted_parameters
+from photonormal.synth.pathtraced.reflectance import bsdf, diffuse, fitted_parameters
 from photonormal.synth.pathtraced.tracer import OrthographicCamera
 from photonormal.synth.pathtraced.write import write_cyclesps, write_object
-from photonormal.types import InputError
+from photonormal.types import InputError, by_name
 
 BRIGHTEST = 200.0  # bound of pi f in the measured materials
 INDIRECT = 5.0  # most that one path's bounced light counts, in times a white surface
@@ -99,9 +99,7 @@ def render_scene_set(
     InputError
         If the set, an object or a file is unknown, or the folder holds a set that was made with other arguments.
     """
-    if name not in SCENE_SETS:
-        raise InputError(f"no scene set {name!r}; choose from {', '.join(SCENE_SETS)}.")
-    made = SCENE_SETS[name]
+    made = by_name("scene set", name, SCENE_SETS)
     counts = made.lights if lights is None else (lights,) if isinstance(lights, int) else tuple(lights)
     if min(counts, default=0) < 3 or resolution < 8:
         raise InputError(f"{counts} lights at {resolution} pixels came but at least 3 and 8 are needed; ask for more.")
@@ -137,16 +135,12 @@ def cache_folder(name: str) -> Path:
 
 def directions(made: SceneSet, n: int) -> Float[np.ndarray, "n 3"]:
     """`n` unit light directions of a set: random ones 5 degrees above the horizon or more, even ones 20."""
-    lowest = np.sin(np.radians(5 if made.random else 20))
-    if made.random:
-        g = np.random.default_rng(made.seed)
-        z, phi = g.uniform(lowest, 1, n), g.uniform(0, 2 * np.pi, n)
-        r = np.sqrt(1 - z**2)
-        return np.stack([r * np.cos(phi), r * np.sin(phi), z], -1)
-    l = fibonacci_hemisphere(n)
-    z = lowest + (1 - lowest) * l[:, 2]
-    r = np.sqrt(1 - z**2) / np.linalg.norm(l[:, :2], axis=1)
-    return np.concatenate([l[:, :2] * r[:, None], z[:, None]], 1)
+    if not made.random:
+        return fibonacci_cap(n, 20)
+    g = np.random.default_rng(made.seed)
+    z, phi = g.uniform(np.sin(np.radians(5)), 1, n), g.uniform(0, 2 * np.pi, n)
+    r = np.sqrt(1 - z**2)
+    return np.stack([r * np.cos(phi), r * np.sin(phi), z], -1)
 
 
 def _render(
@@ -162,7 +156,7 @@ def _render(
     """All images of one object, in all its materials, written whole or not at all."""
     camera = OrthographicCamera(half=1.05, size=size)
     if made.surface == "matt":
-        surfaces = {"": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.6, 0.55, 0.5]}}}
+        surfaces = {"": diffuse((0.6, 0.55, 0.5))}
     elif made.surface == "metal":
         metal, alpha = METALS[item]
         surfaces = {"": {"type": "roughconductor", "material": metal, "distribution": "ggx", "alpha": alpha}}

@@ -186,7 +186,7 @@ def trace(
             k = mi.Float(number + 1)
             dx, dy = 0.5 + 0.7548776662 * k, 0.5 + 0.5698402910 * k
             dx, dy = dx - dr.floor(dx), dy - dr.floor(dy)
-        _add_paths(image, scene, camera.rays(pixel, dx, dy), pixel, number, lights, n, bounces, (seed, first), bound)
+        _add_paths(image, scene, camera.rays(pixel, dx, dy), pixel, number, lights, bounces, (seed, first), bound)
     planes = np.array(image).reshape(n, 3, camera.size, camera.size)
     return np.ascontiguousarray(planes.transpose(0, 2, 3, 1)) / samples
 
@@ -198,7 +198,6 @@ def _add_paths(
     pixel: Any,
     number: Any,
     lights: Any,
-    n: int,
     bounces: int,
     seeds: tuple[int, int],
     bound: float,
@@ -224,7 +223,7 @@ def _add_paths(
         si = scene.ray_intersect(ray)
         active = si.is_valid() & (si.wi.z > 0)
         dr.eval(si, carried, active, pixel)
-        _add_lights(image, scene, si, carried, active, pixel, lights, n, bound if k else math.inf)
+        _add_lights(image, scene, si, carried, active, pixel, lights, bound if k else math.inf)
         if k == bounces:
             return
         u1, u2 = sampler.next_1d(active), sampler.next_2d(active)
@@ -252,13 +251,14 @@ def _add_paths(
 
 
 def _add_lights(
-    image: Any, scene: Any, si: Any, carried: Any, active: Any, pixel: Any, lights: Any, n: int, bound: float
+    image: Any, scene: Any, si: Any, carried: Any, active: Any, pixel: Any, lights: Any, bound: float
 ) -> None:
     """What every light sends on from one vertex of each path."""
     import drjit as dr
 
     mi = mitsuba()
-    context, bsdf, pixels = mi.BSDFContext(), si.bsdf(), dr.width(image) // (3 * n)
+    context, bsdf, n = mi.BSDFContext(), si.bsdf(), dr.width(lights)
+    pixels = dr.width(image) // (3 * n)
 
     def light(j: Any) -> Any:
         d = dr.gather(mi.Vector3f, lights, j)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sysconfig
 import traceback
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import TypeVar
@@ -57,6 +57,15 @@ def by_name(what: str, name: str, table: Mapping[str, T]) -> T:
     if name not in table:
         raise no_such(what, name, table)
     return table[name]
+
+
+def a_few(names: Sequence[str], most: int = 3) -> str:
+    """Some of the names, and how many there are besides.
+
+    >>> a_few(["a.png", "b.png", "c.png"], 2)
+    'a.png, b.png and 1 more'
+    """
+    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def in_pixels(shape: tuple[int, ...]) -> str:

@@ -18,6 +18,7 @@ from jaxtyping import Bool, Float
 from photonormal.arrays import as_array, as_images, as_mask, unit_of
 from photonormal.errors import InputError as InputError
 from photonormal.errors import MachineLimit as MachineLimit
+from photonormal.errors import a_few as a_few
 from photonormal.errors import by_name as by_name
 from photonormal.errors import code_of_others as code_of_others
 from photonormal.errors import in_pixels as in_pixels

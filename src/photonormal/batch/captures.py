@@ -21,7 +21,7 @@ from photonormal.capture.texts import beside, read_lines, spellings
 from photonormal.files.opening import read_bytes
 from photonormal.job import Job
 from photonormal.options import check_value
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 LISTS = {".csv", ".toml"}
 LONGEST = 2**26  # bytes of a list
@@ -146,10 +146,9 @@ def _matched(pattern: str) -> list[Path]:
     if not matched:
         place = _fixed(pattern)
         there = sorted(p.name + "/" * p.is_dir() for p in place.iterdir()) if place.is_dir() else []
-        lies = f"{place} holds {', '.join(there[:8]) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
-        more = f" and {len(there) - 8} more" if len(there) > 8 else ""
+        lies = f"{place} holds {a_few(there, 8) or 'nothing'}" if place.is_dir() else f"{place} does not exist"
         raise InputError(
-            f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}{more}; correct it."
+            f"no capture matches {pattern}: folders and .lp files were looked for, but {lies}; correct it."
         )
     return matched
 

@@ -25,7 +25,7 @@ from photonormal.files import memory
 from photonormal.job import SolvedRows, divided, solve_part
 from photonormal.provenance import ProgramVersion, program
 from photonormal.resources import cores
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 ANSWER_S = 10  # in which a scheduler answers
 ALONE_S = 60.0  # that workers have for captures that they are at, once the scheduler is lost
@@ -114,10 +114,9 @@ def _refuse_others(client: Any) -> None:
     here = program()
     others = {address: p for address, p in found.items() if p != here and not isinstance(p, OSError)}  # it has ended
     if others:
-        said = ", ".join(f"{address} {_other(p)}" for address, p in list(others.items())[:5])
-        more = f" and {len(others) - 5} more" if len(others) > 5 else ""
+        said = a_few([f"{address} {_other(p)}" for address, p in others.items()], 5)
         raise InputError(
-            f"photonormal {here.version} is here but workers have another: {said}{more}; install the same everywhere, "
+            f"photonormal {here.version} is here but workers have another: {said}; install the same everywhere, "
             "and start those workers again."
         )
 

@@ -15,7 +15,7 @@ from photonormal.files.decode import RAW
 from photonormal.files.embedded import embedded
 from photonormal.files.icc import gamma, read_profile
 from photonormal.srgb import to_linear
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 ADOBE = 563 / 256  # exponent of Adobe RGB (1998)
 CLOSE = 0.003  # difference of curves that have one name
@@ -107,9 +107,8 @@ def encodings(paths: Sequence[Path], srgb: bool = False, linear: bool = False) -
     silent = [path.name for path, e in zip(paths, found, strict=True) if not e.declared]
     encoded = [e for e in found if e.curves]
     if silent and encoded:
-        more = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
         raise InputError(
-            f"{silent[0]}{more} don't say how they are encoded but {len(encoded)} others are {encoded[0].name} (by "
+            f"{a_few(silent, 1)} don't say how they are encoded but {len(encoded)} others are {encoded[0].name} (by "
             f"{encoded[0].by}); add --srgb if all are sRGB-encoded or --linear if none is encoded, or export all alike."
         )
     return found

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from photonormal.files.embedded import Embedded, embedded
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 EXPOSURE, F_NUMBER, ISO, ORIENTATION = 0x829A, 0x829D, 0x8827, 0x0112
 COLOUR_SPACE, INTEROPERABILITY_INDEX = 0xA001, 0x0001
@@ -65,9 +65,8 @@ def exposures(paths: Sequence[Path]) -> np.ndarray:
     found = [read_exif(p) for p in paths]
     absent = [p.name for p, e in zip(paths, found, strict=True) if e.exposure() is None]
     if absent:
-        more = f" and {len(absent) - 1} more" if len(absent) > 1 else ""
         raise InputError(
-            f"{absent[0]}{more} tell no exposure time in their Exif data but --exif-exposure needs it; "
+            f"{a_few(absent, 1)} tell no exposure time in their Exif data but --exif-exposure needs it; "
             "give light_intensities.txt instead, or the pictures as the camera wrote them."
         )
     for what in ("iso", "f_number"):

@@ -11,7 +11,7 @@ from pathlib import Path
 from photonormal.capture.images import Picture, PicturePart, files_of, picture_name
 from photonormal.capture.lights.match import stem
 from photonormal.files.decode import RAW, SUFFIXES, pages_of
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 NO_PHOTOGRAPH = re.compile(  # how files are called that lie beside photographs: masks, normal maps, thumbnails, results
     r"(^|[._-])(mask|matte|normals?(_?map)?|normals?_gt|gt_normals?|inboundary|onboundary|spheres|refused|preview|thumb(nail)?s?"
@@ -109,7 +109,7 @@ def no_pictures(folder: Path) -> InputError:
     below = list(dict.fromkeys(p.parent.name for p in pictures_below(folder)))
     unread = [p.name for p in inside if p.suffix.lower() in UNREAD]
     if below:
-        some = ", ".join(below[:8]) + (f" and {len(below) - 8} more" if len(below) > 8 else "")
+        some = a_few(below, 8)
         return InputError(
             f"{folder} holds no pictures, but folders in it do: {some}; give one of them, such as {folder / below[0]}, "
             f"or all of them to `photonormal batch '{folder}/*'`."
@@ -128,13 +128,13 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
     odd = _named_unlike_the_others(names)
     stacks = sorted({p.path.name for p in pictures if isinstance(p, PicturePart) and p.page is not None})
     if odd:
-        some = ", ".join(odd[:5]) + (f" and {len(odd) - 5} more" if len(odd) > 5 else "")
+        some = a_few(odd, 5)
         hint = (
             f"{some} {'is' if len(odd) == 1 else 'are'} named unlike the others: name such pictures with --dark, "
             "--flat or --mask, move them elsewhere, or leave them out with --images"
         )
     elif 0 < len(gaps := _gaps(pictures)) <= count - n:
-        some = ", ".join(gaps[:5]) + (f" and {len(gaps) - 5} more" if len(gaps) > 5 else "")
+        some = a_few(gaps, 5)
         hint = (
             f"between {names[0]} and {names[-1]} {some} {'is' if len(gaps) == 1 else 'are'} missing: restore it, or "
             "give with --lights a file that has one for each picture, or names the pictures"

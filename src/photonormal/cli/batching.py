@@ -18,7 +18,7 @@ from photonormal.cli.kinds import Number, say_no_more, shown, tell
 from photonormal.cli.measuring import How, Written, of_job
 from photonormal.cli.photographs import Corrections, Files, LightOptions, Photographs, Read
 from photonormal.options import Positive
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 if TYPE_CHECKING:
     from photonormal.batch.work import Measured
@@ -158,8 +158,7 @@ def as_lines(event: str, **what: Any) -> None:
 def in_words(event: str, **what: Any) -> None:
     """What a person wants to know of an event."""
     if event == "found" and (others := what["left_out"]):
-        more = f" and {len(others) - 5} more" if len(others) > 5 else ""
-        tell(f"left out, since captures are folders or .lp files: {', '.join(others[:5])}{more}")
+        tell(f"left out, since captures are folders or .lp files: {a_few(others, 5)}")
     elif event == "failed":
         tell(f"{what['capture']}: {what['message']}")
     elif event == "stale":

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.doctor.finding import Finding, counted, listed
+from photonormal.doctor.finding import Finding, counted
 from photonormal.doctor.samples import Samples
-from photonormal.types import Capture
+from photonormal.types import Capture, a_few
 
 SATURATED = 0.05  # of a picture's samples
 BLACK = 0.05  # level of a picture, as part of that of a bright one, below which its lamp was off
@@ -31,7 +31,7 @@ def saturation(samples: Samples, capture: Capture) -> list[Finding]:
             "saturation",
             bool(samples.saturated.mean() > SATURATED),
             f"{counted(len(bad), 'picture is', 'pictures are')} saturated on more than {100 * SATURATED:.0f} % of the "
-            f"object ({listed(names)}; up to {100 * samples.saturated[worst[0]]:.0f} %); "
+            f"object ({a_few(names)}; up to {100 * samples.saturated[worst[0]]:.0f} %); "
             "expose less, or trim highlights.",
             {"pictures": names, "saturated_percent": round(100 * float(samples.saturated.mean()), 2)},
         )
@@ -48,7 +48,7 @@ def darkness(I: Float[np.ndarray, "p n"], names: Sequence[str]) -> list[Finding]
             Finding(
                 "darkness",
                 True,
-                f"{counted(len(black), 'picture is', 'pictures are')} black ({listed(off)}): the lamp was off or "
+                f"{counted(len(black), 'picture is', 'pictures are')} black ({a_few(off)}): the lamp was off or "
                 "points elsewhere; choose the other pictures with --images, or photograph these again.",
                 {"pictures": off},
             )

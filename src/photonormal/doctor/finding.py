@@ -38,8 +38,3 @@ class Finding:
 def counted(n: int, one: str, several: str) -> str:
     """So many things, in words that follow their number."""
     return f"{n} {one if n == 1 else several}"
-
-
-def listed(names: list[str], most: int = 3) -> str:
-    """Some of the names, and a sign that there are more."""
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")

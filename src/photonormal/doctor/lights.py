@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from photonormal.calibration.intensities import SHADOW, robust_normals, self_calibrated
-from photonormal.doctor.finding import Finding, counted, listed
+from photonormal.doctor.finding import Finding, counted
 from photonormal.doctor.frame import GIVEN, LambertianFit, Verdict, judged, wrong_frame
 from photonormal.doctor.given import Given, Near
 from photonormal.doctor.misfit import MATT, OF_PART, MisfitPixels
 from photonormal.doctor.order import BETTER, Orders, order_name
 from photonormal.geometry import angle_deg
+from photonormal.types import a_few
 
 OFF, FEW = 1.1, 0.25  # factor by which so many of the lights' intensities may be off before it is said
 MANY_OFF = 1.25  # and those of more: bounced light brightens a whole ring of low lamps by a tenth
@@ -183,7 +184,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
     if not off.size:
         return []
     worst = off[np.argsort(-np.abs(np.log(factor[off])))]
-    text = listed([f"{names[j]} x {factor[j]:.2f}" for j in worst])
+    text = a_few([f"{names[j]} x {factor[j]:.2f}" for j in worst])
     message = (
         f"{counted(len(off), 'light is', 'lights are')} brighter or darker than given ({text}); correct "
         "light_intensities.txt, or choose the other pictures with --images. If the camera's exposure changed, add "

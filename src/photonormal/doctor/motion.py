@@ -18,8 +18,9 @@ from __future__ import annotations
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from photonormal.doctor.finding import Finding, counted, listed
+from photonormal.doctor.finding import Finding, counted
 from photonormal.doctor.laid import LEAST, Pictures, can_tell, lay_otherwise, log_odds
+from photonormal.types import a_few
 
 UNEXPLAINED = 0.8  # of a picture's detail after the shift, as part of before, below which it may have moved
 GROUP, GROUPS = 3, 3  # pictures shifted alike at least, such groups at most
@@ -129,9 +130,9 @@ def _told(shift: Float[np.ndarray, "n 2"], names: list[str]) -> str:
         if len(these) > 1 and np.ptp(these) == len(these) - 1:
             who += f" to {names[these[-1]]}"
         elif len(these) > 1:
-            who = listed([names[j] for j in these])
+            who = a_few([names[j] for j in these])
         told.append(f"{who} by ({x:+.1f}, {y:+.1f}) px")
-    return listed(told)
+    return a_few(told)
 
 
 def _dip(values: np.ndarray) -> float:

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from photonormal.doctor.finding import Finding, counted, listed
+from photonormal.doctor.finding import Finding, counted
 from photonormal.doctor.given import Near, matt_misfit
+from photonormal.types import a_few
 
 CLOSE = 1.5  # widths of the object: nearer lamps leave much in shadow, and depth has to be known well
 FAR = 100.0  # widths of the object: farther lamps are as good as distant
@@ -37,12 +38,12 @@ def positions(given: Near, names: Sequence[str]) -> list[Finding]:
         say(
             True,
             f"{counted(len(dark), 'lamp shines', 'lamps shine')} away from the object "
-            f"({listed([names[j] for j in dark])}); turn their axes round: an axis points from the lamp to where it "
+            f"({a_few([names[j] for j in dark])}); turn their axes round: an axis points from the lamp to where it "
             "shines most.",
         )
     odd = np.flatnonzero(np.abs(np.log(r / usual)) > np.log(APART)).tolist()
     if odd:
-        text = listed([f"{names[j]} at {r[j]:.3g} mm" for j in odd])
+        text = a_few([f"{names[j]} at {r[j]:.3g} mm" for j in odd])
         say(
             True,
             f"{counted(len(odd), 'lamp is', 'lamps are')} much nearer or farther than the others' {usual:.3g} mm "

@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from photonormal.doctor.finding import Finding, counted, listed
+from photonormal.doctor.finding import Finding, counted
 from photonormal.doctor.laid import Pictures, can_tell, laid_in_turn, lay_otherwise
+from photonormal.types import a_few
 
 
 def turns(shown: Pictures) -> Int[np.ndarray, " n"]:
@@ -77,7 +78,7 @@ def turned(
     degrees = " and ".join(str(90 * k) for k in np.unique(found[group]))
     message = (
         f"{counted(len(group), 'picture is', 'pictures are')} turned by {degrees} degrees against the others "
-        f"({listed([names[j] for j in group])}); export all pictures as the camera's sensor saw them, without Exif's "
+        f"({a_few([names[j] for j in group])}); export all pictures as the camera's sensor saw them, without Exif's "
         "orientation."
     )
     return [Finding("turned", True, message, {"turns_deg": {names[j]: int(90 * found[j]) for j in group}})]

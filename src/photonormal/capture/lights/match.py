@@ -10,7 +10,7 @@ from pathlib import Path
 from photonormal.capture.lights.table import Listed
 from photonormal.capture.texts import beside, spellings
 from photonormal.files.decode import SUFFIXES
-from photonormal.types import InputError
+from photonormal.types import InputError, a_few
 
 KEYS: tuple[Callable[[str], str], ...] = (  # what has to agree: all, all but case, all but case and the extension
     str,
@@ -67,8 +67,7 @@ def left_out(pictures: Sequence[str], listed: Listed) -> list[str]:
     """What the user should know of pictures that a list does not name."""
     if not pictures:
         return []
-    some = ", ".join(pictures[:SHOWN]) + (f" and {len(pictures) - SHOWN} more" if len(pictures) > SHOWN else "")
-    return [f"Left out, since the list{listed.source} has no light for them: {some}."]
+    return [f"Left out, since the list{listed.source} has no light for them: {a_few(pictures, SHOWN)}."]
 
 
 def finder(names: Sequence[str]) -> Callable[[str], int | None]:

@@ -14,7 +14,7 @@ from photonormal.methods.contract import Observations, Streaming
 from photonormal.methods.engine.looks import looked_at
 from photonormal.methods.engine.samples import grey_levels
 from photonormal.methods.inputs.grey import Levels
-from photonormal.types import Capture
+from photonormal.types import Capture, a_few
 
 NAMED = 3  # pictures, at most
 
@@ -41,10 +41,9 @@ def some_of(capture: Capture) -> Observations:
 def note(e: Float[np.ndarray, " n"], names: Sequence[str]) -> str:
     """What was done, of the pictures that are furthest off first."""
     worst = np.argsort(-np.abs(np.log(e)))[: np.count_nonzero(e != 1)]
-    said = ", ".join(f"{names[j]} x {e[j]:.2f}" for j in worst[:NAMED])
-    more = f" and {len(worst) - NAMED} more" if len(worst) > NAMED else ""
+    said = a_few([f"{names[j]} x {e[j]:.2f}" for j in worst], NAMED)
     one = len(worst) == 1
     return (
         f"{len(worst)} {'picture is' if one else 'pictures are'} brighter or darker than the lights' intensities say "
-        f"({said}{more}); {'it was' if one else 'each was'} divided by that."
+        f"({said}); {'it was' if one else 'each was'} divided by that."
     )

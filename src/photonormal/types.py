@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar, runtime_checkable
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -28,6 +28,11 @@ from photonormal.lamps import Camera as Camera
 from photonormal.lamps import Lamps as Lamps
 from photonormal.lamps import from_the_middle
 from photonormal.lamps import unit_lights as unit_lights
+from photonormal.lazy import Image as Image
+from photonormal.lazy import Images as Images
+from photonormal.lazy import LightsAt as LightsAt
+from photonormal.lazy import saturated_in as saturated_in
+from photonormal.lazy import window_of as window_of
 from photonormal.masked import picked
 from photonormal.notebook import capture_png, normals_png, surface_png
 from photonormal.resources import cores, in_threads
@@ -35,45 +40,10 @@ from photonormal.resources import cores, in_threads
 if TYPE_CHECKING:
     from photonormal.crop import Crop
 
-Image = Float[np.ndarray, "h w c"]  # linear radiance / light intensity, float32
 Lights = Float[np.ndarray, "n 3"]  # unit vectors, from the surface to the light
 Mask = Bool[np.ndarray, "h w"]  # True on the object
 
 T = TypeVar("T")
-
-
-@runtime_checkable
-class Images(Protocol):
-    """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for.
-
-    Those that can read a part of one alone have ``window(j, rows, columns)``, which `window_of` asks; `rows` may be
-    every second or third of them. Those whose samples were changed after the sensor cut them off tell by
-    ``saturated(j, rows, columns)`` where it did, as `Capture.saturated` does; None: by their level alone.
-    """
-
-    @property
-    def shape(self) -> tuple[int, ...]: ...
-
-    def __getitem__(self, index: int, /) -> np.ndarray: ...
-
-
-def window_of(images: Images, j: int, rows: slice, columns: slice) -> Image:
-    """A part of one picture, without more of it being read where the images can do so."""
-    read = getattr(images, "window", None)
-    return images[j][rows, columns] if read is None else read(j, rows, columns)
-
-
-def saturated_in(images: Images, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
-    """Where the images say that a part of one is saturated; None where they don't say it."""
-    told = getattr(images, "saturated", None)
-    return None if told is None else told(j, rows, columns)
-
-
-@runtime_checkable
-class LightsAt(Protocol):
-    """Unit vectors to the lights from the mask's pixels: an array (p, n, 3), or computed for the pixels asked for."""
-
-    def __getitem__(self, pixels: Any, /) -> np.ndarray: ...
 
 
 @dataclass(frozen=True)

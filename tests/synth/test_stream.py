@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from photonormal.synth import RenderedBatch, Stream
-from photonormal.synth.stream import lights_of
+from photonormal.synth.stream import number_of_lights
 from photonormal.types import InputError
 
 SMALL = {"size": 48, "crop": 16, "crops": 4, "scenes": 2, "lights": (6, 6)}
@@ -75,7 +75,7 @@ def test_threads_change_nothing():
 
 def test_light_counts_spread_over_the_range_and_stay_in_it():
     recipe = Stream("train", lights=(8, 64)).recipe_of(0)
-    counts = [lights_of(recipe, 0, k) for k in range(400)]
+    counts = [number_of_lights(recipe, 0, k) for k in range(400)]
     assert min(counts) == 8 and max(counts) > 56 and max(counts) <= 64
     assert 18 < sorted(counts)[200] < 28  # log-uniform: the median is sqrt(8 * 64)
 

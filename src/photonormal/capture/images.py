@@ -215,7 +215,7 @@ class ImageFiles:
         return self.shape[0]
 
 
-def _decode(picture: Picture, frame: tuple[int, int] | None = None) -> np.ndarray:
+def _decode(picture: Picture, frame: tuple[int, int]) -> np.ndarray:
     """Samples of a file or a part of it; of several files, their sum as a fraction of full scale, float32."""
     if isinstance(picture, PicturePart):
         samples = decode(picture.path, frame, picture.page)

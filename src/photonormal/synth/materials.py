@@ -233,11 +233,11 @@ def draw_coats(
         tensor((g.random(b) < 0.5).astype(float)),
         tensor(np.stack([_palette(g, kinds) for _ in range(b)])),
         torch.from_numpy(pattern),
-        draw_waves(g, log_uniform(g, 1.5, 9, (b, 1)) * np.ones((1, PALETTE)), 8, 1.5),
+        draw_waves(g, log_uniform(g, 1.5, 9, (b, 1)) * np.ones((1, PALETTE)), 1.5),
         tensor(seeds),
         tensor(np.exp(g.normal(0, 0.35, (b, SEEDS, 3)) - 0.2)),
         torch.from_numpy(g.integers(0, PALETTE, (b, SEEDS))),
-        draw_waves(g, log_uniform(g, 2, 25, (b, 3)), 8, 2.0),
+        draw_waves(g, log_uniform(g, 2, 25, (b, 3)), 2.0),
         tensor(textured * g.uniform(0.1, [0.5, 0.3, 1.0], (b, 3))),
         tensor(g.normal(size=(b, 3))),
     )

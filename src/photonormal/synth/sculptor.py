@@ -175,9 +175,9 @@ def _detail(g: np.random.Generator, b: int, kind: np.ndarray, roughness: float) 
     fold = log_uniform(g, 8, 26, b)
     direction = unit_vectors(g, (b,)) * [1, 0.5, 0.5]
     return Detail(
-        draw_waves(g, frequency[:, 0:1], 8, 1.3),
-        draw_waves(g, frequency[:, 1:2], 8, 1.3),
-        draw_waves(g, frequency[:, 2:3], 8, 1.0),
+        draw_waves(g, frequency[:, 0:1], 1.3),
+        draw_waves(g, frequency[:, 1:2], 1.3),
+        draw_waves(g, frequency[:, 2:3], 1.0),
         tensor(slope / frequency),
         tensor(sometimes(0.22, 0.3, 0.9) * g.choice([-1, 1], b) / frequency[:, 1]),
         tensor(sometimes(0.2, 0.02, 0.06)),

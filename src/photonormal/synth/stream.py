@@ -92,7 +92,7 @@ class Stream:
 
 def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, samples: int) -> RenderedBatch:
     """`samples` windows of the `k`-th block of scenes."""
-    n = lights_of(recipe, seed, k)
+    n = number_of_lights(recipe, seed, k)
     parts: list[RenderedBatch] = []
     missing, count = samples, 0  # windows to render, groups so far
     with workers(device) as work:
@@ -115,7 +115,7 @@ def render_block(recipe: Rendering, seed: int, k: int, device: torch.device, sam
     )
 
 
-def lights_of(recipe: Rendering, seed: int, k: int) -> int:
+def number_of_lights(recipe: Rendering, seed: int, k: int) -> int:
     """Number of lights of a block."""
     if recipe.directions:
         return len(recipe.directions)

@@ -11,6 +11,8 @@ from torch import Tensor
 
 from photonormal.synth.params import log_uniform, tensor, unit_vectors
 
+WAVES = 8  # of a field that is drawn
+
 
 @dataclass(frozen=True)
 class Waves:
@@ -26,15 +28,15 @@ class Waves:
         return torch.einsum("bkmp,bkm->bkp", s.view(b, k, m, -1), self.a)
 
 
-def draw_waves(g: np.random.Generator, frequency: np.ndarray, waves: int, octaves: float = 1.0) -> Waves:
+def draw_waves(g: np.random.Generator, frequency: np.ndarray, octaves: float) -> Waves:
     """Fields around the angular frequencies `frequency` (b, k), spread over `octaves` with amplitude falling as 1/f."""
     b, k = frequency.shape
-    f = frequency[..., None] * 2 ** (octaves * np.linspace(0, 1, waves)) * log_uniform(g, 0.85, 1.18, (b, k, waves))
+    f = frequency[..., None] * 2 ** (octaves * np.linspace(0, 1, WAVES)) * log_uniform(g, 0.85, 1.18, (b, k, WAVES))
     a = frequency[..., None] / f
     a *= np.sqrt(2 / (a**2).sum(-1, keepdims=True))
-    w = unit_vectors(g, (b, k, waves)) * f[..., None]  # (b, k, m, 3)
+    w = unit_vectors(g, (b, k, WAVES)) * f[..., None]  # (b, k, m, 3)
     return Waves(
-        tensor(w.reshape(b, k * waves, 3)),
-        tensor(g.uniform(0, 2 * np.pi, (b, k * waves, 1))),
+        tensor(w.reshape(b, k * WAVES, 3)),
+        tensor(g.uniform(0, 2 * np.pi, (b, k * WAVES, 1))),
         tensor(a),
     )

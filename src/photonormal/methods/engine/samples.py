@@ -149,7 +149,7 @@ def lights_at(
     return torch.as_tensor(capture.lights_at[some], dtype=dtype, device=device)
 
 
-def lights_of(capture: Capture, device: torch.device, dtype: torch.dtype = torch.float32) -> Float[Tensor, "*l n 3"]:
+def lights_of(capture: Capture, device: torch.device, dtype: torch.dtype) -> Float[Tensor, "*l n 3"]:
     """Light directions: (n, 3), or (p, n, 3) where each of the mask's pixels sees them elsewhere."""
     if capture.lights_at is not None:
         return lights_at(capture, slice(None), device, dtype)

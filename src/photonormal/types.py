@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -96,9 +97,10 @@ class Capture:
     likely_encoded: bool = field(default=False, repr=False)
 
     def __post_init__(self) -> None:
+        keep = partial(object.__setattr__, self)
         given = np.shape(self.images) if isinstance(self.images, np.ndarray) else ()
         images, unknown = as_images(self.images)
-        object.__setattr__(self, "images", images)
+        keep("images", images)
         shape = tuple(self.images.shape)
         if len(shape) != 4 or shape[3] not in (1, 3):
             raise InputError(f"images are {shape} but (n, h, w, 1 or 3) is needed; stack pictures of one size.")
@@ -110,9 +112,9 @@ class Capture:
                 f"images are {given} for {given[2]} lights but the pictures come first, (n, h, w); give "
                 "numpy.moveaxis(images, -1, 0)."
             )
-        object.__setattr__(self, "mask", as_mask(self.mask, (h, w)))
+        keep("mask", as_mask(self.mask, (h, w)))
         if self.truth is not None:
-            object.__setattr__(self, "truth", as_normals(self.truth, "true normals"))
+            keep("truth", as_normals(self.truth, "true normals"))
         if self.mask.shape != (h, w) or self.mask.dtype != bool:
             raise InputError(
                 f"mask is {self.mask.shape} {self.mask.dtype} but images are {(h, w)}; "
@@ -123,25 +125,25 @@ class Capture:
                 f"of {int(unknown.sum())} pixels inside the mask some samples are NaN, which are taken as black, or "
                 "infinite, which are taken as the brightest; leave these pixels out of the mask."
             )
-            object.__setattr__(self, "notes", (*self.notes, note))
+            keep("notes", (*self.notes, note))
         if not self.mask.any():
             raise InputError("the mask is empty but at least one pixel must be on the object; white marks the object.")
         if (unit := unit_of(images, self.mask)) != 1:
             with np.errstate(over="ignore"):  # beside the object
-                object.__setattr__(self, "images", images / np.float32(unit))
+                keep("images", images / np.float32(unit))
             if self.saturation is not None:
-                object.__setattr__(self, "saturation", self.saturation / unit)
+                keep("saturation", self.saturation / unit)
             note = f"the brightest sample is {unit:.3g}; all were divided by that, and the albedo is in this unit."
-            object.__setattr__(self, "notes", (*self.notes, note))
+            keep("notes", (*self.notes, note))
         if not self.image_names:
-            object.__setattr__(self, "image_names", tuple(f"image {j + 1}" for j in range(n)))
+            keep("image_names", tuple(f"image {j + 1}" for j in range(n)))
         if len(self.image_names) != n:
             raise InputError(f"{len(self.image_names)} names came for {n} images; give one for each or none.")
         if self.lamps is not None:
             middle = from_the_middle(self.lamps, self.camera, self.mask, self.image_names)
-            object.__setattr__(self, "lights", middle)
+            keep("lights", middle)
         if self.lights is not None:
-            object.__setattr__(self, "lights", unit_lights(self.lights, self.image_names))
+            keep("lights", unit_lights(self.lights, self.image_names))
         if self.truth is not None and self.truth.map.shape != (h, w, 3):
             raise InputError(
                 f"true normals are {self.truth.map.shape} but images are {(h, w)}; crop both with the same box."
@@ -216,10 +218,11 @@ class Normals:
     expected_error_deg: np.ndarray | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "map", as_array(self.map, "the normals"))
+        keep = partial(object.__setattr__, self)
+        keep("map", as_array(self.map, "the normals"))
         if self.mask is None:
             nonzero = np.isfinite(self.map) & (self.map != 0)
-            object.__setattr__(self, "mask", nonzero.any(-1) if self.map.ndim == 3 else np.ones((), bool))
+            keep("mask", nonzero.any(-1) if self.map.ndim == 3 else np.ones((), bool))
         if self.map.shape != (*self.mask.shape, 3) or self.mask.dtype != bool:
             raise InputError(
                 f"normals are {self.map.shape} and their mask {self.mask.shape} {self.mask.dtype} "
@@ -238,14 +241,14 @@ class Normals:
                 f"{wrong} normals inside the mask are not unit vectors; "
                 "normalise them or leave those pixels out of the mask."
             )
-        object.__setattr__(self, "map", kept)
+        keep("map", kept)
         expected = self.expected_error_deg
         if expected is not None:
             if expected.shape != self.mask.shape:
                 raise InputError(f"expected errors are {expected.shape} but normals {self.map.shape}; give one each.")
             kept = expected.astype(np.float32)
             kept[~self.mask] = np.nan
-            object.__setattr__(self, "expected_error_deg", kept)
+            keep("expected_error_deg", kept)
 
     def __repr__(self) -> str:
         h, w = self.mask.shape

@@ -134,7 +134,7 @@ def _run(
     client: Any, nbytes: int, megapixels: float | None, waiting: Sequence[Named], at: At, begun: Begun
 ) -> Iterator[Outcome]:
     """What comes of the captures, as it comes."""
-    from distributed import KilledWorker, as_completed
+    from distributed import as_completed
 
     running: dict[str, float] = {}  # since when
 
@@ -163,11 +163,7 @@ def _run(
         for future in coming:
             named = futures.pop(future)
             try:
-                outcome = future.result()
-            except KilledWorker:
-                failure = "its workers ended early, one after the other; give them more memory, and run it again."
-                record_failure(named.job, "killed", failure, None)
-                outcome = Outcome(named.name, 0.0, failure, "killed")
+                outcome = _outcome(future, named)
             except (OSError, CancelledError):
                 left = [named, *futures.values()]
                 ended = list(_ended_alone([(n, running[n.name]) for n in left if n.name in running]))
@@ -176,9 +172,6 @@ def _run(
                     f"the connection to the scheduler was lost with {len(left) - len(ended)} captures to come; run it "
                     "again."
                 ) from None
-            except Exception as error:  # of a worker that has come without photonormal
-                failure = f"its worker can't measure: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
-                outcome = Outcome(named.name, 0.0, failure, "killed")
             if isinstance(outcome, Large):  # before captures that have not begun
                 parts = [submit(_solve, named, rows, priority=1) for rows in outcome.rows]
                 whole = submit(_measure, named, None, parts, {} if futures else shares, priority=1)
@@ -189,6 +182,22 @@ def _run(
     finally:
         client.unsubscribe_topic(TOPIC)
         client.cancel(list(futures))
+
+
+def _outcome(future: Any, named: Named) -> Outcome | Large:
+    """What came of a capture; OSError or CancelledError where the scheduler is lost."""
+    from distributed import KilledWorker
+
+    try:
+        return future.result()
+    except KilledWorker:
+        failure = "its workers ended early, one after the other; give them more memory, and run it again."
+        record_failure(named.job, "killed", failure, None)
+    except (OSError, CancelledError):
+        raise
+    except Exception as error:  # of a worker that has come without photonormal
+        failure = f"its worker can't measure: {type(error).__name__}: {' '.join(str(error).split())[:300]}"
+    return Outcome(named.name, 0.0, failure, "killed")
 
 
 def _ended_alone(running: Sequence[tuple[Named, float]]) -> Iterator[Outcome]:

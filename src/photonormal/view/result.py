@@ -88,13 +88,11 @@ class ViewedResult:
 
     Parameters
     ----------
-    name : what the page calls it
     layers : name -> plane: normals, albedo, height, expected, error, as far as the folder has them
     about : what the page is told of it besides the tiles, values of JSON
     photographs : None where the capture is not at hand
     """
 
-    name: str
     layers: dict[str, Plane]
     about: dict[str, Any]
     photographs: PicturePlanes | None
@@ -202,7 +200,7 @@ def shown_of(
         "photographs": [],
         "notes": [f"Warning: {warning}" for warning in report.get("warnings", [])],
     }
-    return ViewedResult(about["title"], layers, about, None)
+    return ViewedResult(layers, about, None)
 
 
 def report_of(folder: Path) -> StoredReport:

@@ -20,7 +20,7 @@ import torch
 from photonormal import Capture, Normals, solve
 from photonormal.methods import configure
 from photonormal.methods.engine import on_mask, run
-from photonormal.methods.engine.near import evened, surface_mm
+from photonormal.methods.engine.near import surface_mm, without_fall_off
 from photonormal.scoring import score
 from photonormal.synth import recipe
 from photonormal.synth.stream import render_block
@@ -67,7 +67,7 @@ def mean_deg(captures: list[Capture], solved: Callable[[Capture], Normals]) -> f
 def depth_known(capture: Capture, method: str) -> Normals:
     """The method where the true normals' integral tells where the surface lies."""
     assert capture.truth is not None
-    seen = evened(capture, surface_mm(capture, capture.truth))
+    seen = without_fall_off(capture, surface_mm(capture, capture.truth))
     return on_mask(run(configure(method), seen, torch.device("cpu")), capture)
 
 

@@ -8,7 +8,7 @@ import torch
 
 from photonormal.shading import LUMA
 from photonormal.synth import Stream
-from photonormal.synth.coarse import CURVE, TABLE, Coarsening, cosines, jpeg, stored
+from photonormal.synth.coarse import CURVE, TABLE, Coarsening, dct_matrix, jpeg, stored
 from photonormal.synth.recipes import recipe
 from photonormal.synth.sensor import expose, photograph
 
@@ -78,13 +78,13 @@ def test_a_clipped_scene_exceeds_the_range_by_its_share():
 
 
 def test_the_cosine_transform_keeps_lengths():
-    D = cosines()
+    D = dct_matrix()
     assert torch.allclose(D @ D.T, torch.eye(8), atol=1e-6)
 
 
 def test_jpeg_keeps_multiples_of_its_steps():
     """Coefficients of every block, and the picture within what rounding to 8 bits and to the steps can do."""
-    I, D = smooth(), cosines()
+    I, D = smooth(), dct_matrix()
     out = jpeg(I, torch.full((2,), 50.0))
     blocks = luma(out).unflatten(-1, (-1, 8)).unflatten(-3, (-1, 8)).transpose(-3, -2)
     counted = D @ blocks @ D.T / torch.tensor(TABLE, dtype=torch.float32)

@@ -57,7 +57,7 @@ def with_expected_error(
 
     By the method's calibration; where it has none for these options, what the method tells itself, `told_deg` of the
     pixels on the capture's mask, if it does.
-    `capture` is the one that was solved, or that one with its near lamps evened out
+    `capture` is the one that was solved, or that one without the fall-off of its near lamps
     (`photonormal.methods.engine.near.seen_as_distant`), which saves doing it again. `shift` is 0 where true normals
     are exact, as rendered ones are.
     """

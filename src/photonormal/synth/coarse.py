@@ -107,7 +107,7 @@ def jpeg(I: Pictures, quality: Float[Tensor, " c"], corner: tuple[int, int] | li
     left, top = ((BLOCK - x) % BLOCK for x in corner)
     padded = F.pad(Y, (left, -(w + left) % BLOCK, top, -(h + top) % BLOCK), mode="replicate")
     blocks = padded.unflatten(-1, (-1, BLOCK)).unflatten(-3, (-1, BLOCK)).transpose(-3, -2)  # (c, n, i, j, 8, 8)
-    D = cosines().to(I)
+    D = dct_matrix().to(I)
     scale = torch.where(quality < 50, 5000 / quality, 200 - 2 * quality).view(-1, 1, 1, 1, 1, 1)
     steps = ((I.new_tensor(TABLE) * scale + 50) / 100).floor().clamp(1, 255)
     kept = D.T @ ((D @ blocks @ D.T / steps).round() * steps) @ D
@@ -115,7 +115,7 @@ def jpeg(I: Pictures, quality: Float[Tensor, " c"], corner: tuple[int, int] | li
     return ((v + (kept - Y)[:, :, None]).round().clamp(0, 255) / 255) ** CURVE
 
 
-def cosines() -> Float[Tensor, "8 8"]:
+def dct_matrix() -> Float[Tensor, "8 8"]:
     """The orthonormal cosine transform of 8 samples: rows are frequencies."""
     k, x = torch.arange(BLOCK)[:, None], torch.arange(BLOCK)
     D = torch.cos(math.pi * k * (2 * x + 1) / (2 * BLOCK)) * math.sqrt(2 / BLOCK)

@@ -80,7 +80,7 @@ def test_evened_pictures_hold_no_fall_off():
     capture = hill()
     assert capture.truth is not None
     X, _ = bump(ORTHOGRAPHIC, 32)
-    seen = near.evened(capture, X.reshape(-1, 3))
+    seen = near.without_fall_off(capture, X.reshape(-1, 3))
     assert seen.lights_at is not None
     cos = np.einsum("pi,pni->np", capture.truth.map.reshape(-1, 3), seen.lights_at[:])
     rho = 0.4 + 0.2 * np.sin(X[..., 0] / 3)

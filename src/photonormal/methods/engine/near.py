@@ -51,7 +51,7 @@ class UnderLamps:
 
     def at(self, capture: Capture, X: Float[np.ndarray, "p 3"]) -> Solution:
         """What the method finds if the surface were at `X`."""
-        seen = evened(capture, X)
+        seen = without_fall_off(capture, X)
         _, camera = near(capture)
         if camera.K is None:
             return self.solve(seen)
@@ -78,18 +78,18 @@ def surface_mm(capture: Capture, normals: Normals) -> Float[np.ndarray, "p 3"]:
 
 
 def seen_as_distant(capture: Capture, normals: Normals) -> Capture:
-    """The capture with what near lamps send to the surface of these normals evened out; any other capture as it is."""
-    return capture if capture.lamps is None else evened(capture, surface_mm(capture, normals))
+    """The capture without the fall-off of near lamps on the surface of these normals; any other capture as it is."""
+    return capture if capture.lamps is None else without_fall_off(capture, surface_mm(capture, normals))
 
 
-def evened(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:
+def without_fall_off(capture: Capture, X: Float[np.ndarray, "p 3"]) -> Capture:
     """The capture as if every lamp sent the same light everywhere, for a surface whose pixels on the mask lie at `X`.
 
     Its `lights_at` are the directions from there.
     """
     lamps, camera = near(capture)
     arriving = Arriving(lamps, X, mean_distance(lamps, camera.flat_mm(capture.mask)))
-    images = Evened(capture, arriving)
+    images = WithoutFallOff(capture, arriving)
     return replace(capture, images=images, lamps=None, lights_at=arriving, saturation=None)
 
 
@@ -129,7 +129,7 @@ class TurnedLights:
         return self.lights[pixels] @ self.R[pixels].swapaxes(1, 2)
 
 
-class Evened:
+class WithoutFallOff:
     """Pictures divided by the light that arrives (`photonormal.types.Images`); zero where none does."""
 
     def __init__(self, capture: Capture, arriving: Arriving):

@@ -89,11 +89,11 @@ def measured(
                 for core, values in look_at(task, window):
                     tells = len(values) > 3 + net.memory
                     found[core] = torch.cat([values[:3] * look.lit[core].cpu(), values[-1:]])
-        normals, told_deg = on_mask(found, box, asked)
+        normals, told_deg = at_mask_pixels(found, box, asked)
     return Solution(normals, told_deg if tells else None)
 
 
-def on_mask(found: Maps, box: Box, asked: slice) -> tuple[Float[Tensor, "p 3"], Float[Tensor, " p"]]:
+def at_mask_pixels(found: Maps, box: Box, asked: slice) -> tuple[Float[Tensor, "p 3"], Float[Tensor, " p"]]:
     """Normals and what follows them at the mask's pixels of some rows."""
     normals, last, first = torch.empty(p := box.count((asked, slice(None))), 3), torch.empty(p), 0
     for y in range(asked.start, asked.stop, ROWS):

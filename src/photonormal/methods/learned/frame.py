@@ -52,7 +52,9 @@ class SharedFrame(NamedTuple):
     recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
 
 
-def cosines(lights: Float[Tensor, "b k 3 *hw"], frame: PriorFrame) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
+def lights_in_frame(
+    lights: Float[Tensor, "b k 3 *hw"], frame: PriorFrame
+) -> tuple[tuple[Tensor, Tensor, Tensor], Tensor]:
     """Each pixel's turned lights, x, y, z of (b, h, w, k), and their cosines with the prior (b, h, w, k)."""
     c, s, nx, ny, nz = (v[..., None] for v in frame)
     x, y, z = at_pixels(lights).float().permute(2, 0, 3, 4, 1)  # (b, 1 or h, 1 or w, k)
@@ -85,7 +87,7 @@ def tokens(
     """
     assert shared.shading is not None
     I = I.permute(0, 2, 3, 1)
-    (x, y, z), cos = cosines(lights, shared.frame)
+    (x, y, z), cos = lights_in_frame(lights, shared.frame)
     nx, nz = (v[..., None].expand_as(x) for v in (shared.frame.x, shared.frame.z))
     s = torch.rsqrt((2 + 2 * z).clamp(min=1e-6))  # 1 / |l + v|; a light may come from right behind
     half = (cos + nz) * s  # n.h

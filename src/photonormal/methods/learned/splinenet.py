@@ -124,12 +124,12 @@ class Interpolator(nn.Module):
         super().__init__()
         w = width
         self.layers = nn.Sequential(
-            nn.Conv2d(1, w, 7, padding=3), *normalised(w),
-            nn.Conv2d(w, 2 * w, 4, 2, padding=1), *normalised(2 * w),
-            nn.Conv2d(2 * w, 4 * w, 4, 2, padding=1), *normalised(4 * w),
+            nn.Conv2d(1, w, 7, padding=3), *norm_and_relu(w),
+            nn.Conv2d(w, 2 * w, 4, 2, padding=1), *norm_and_relu(2 * w),
+            nn.Conv2d(2 * w, 4 * w, 4, 2, padding=1), *norm_and_relu(4 * w),
             *(Residual(4 * w) for _ in range(blocks)),
-            nn.ConvTranspose2d(4 * w, 2 * w, 4, 2, padding=1), *normalised(2 * w),
-            nn.ConvTranspose2d(2 * w, w, 4, 2, padding=1), *normalised(w),
+            nn.ConvTranspose2d(4 * w, 2 * w, 4, 2, padding=1), *norm_and_relu(2 * w),
+            nn.ConvTranspose2d(2 * w, w, 4, 2, padding=1), *norm_and_relu(w),
             nn.Conv2d(w, 1, 7, padding=3),
         )  # fmt: skip
         kaiming(self)
@@ -144,13 +144,13 @@ class Residual(nn.Module):
     def __init__(self, width: int) -> None:
         super().__init__()
         first, second = (nn.Conv2d(width, width, 3, padding=1) for _ in range(2))
-        self.layers = nn.Sequential(first, *normalised(width), second, normalised(width)[0])
+        self.layers = nn.Sequential(first, *norm_and_relu(width), second, norm_and_relu(width)[0])
 
     def forward(self, x: Float[Tensor, "q c i j"]) -> Float[Tensor, "q c i j"]:
         return x + self.layers(x)
 
 
-def normalised(width: int) -> tuple[nn.Module, nn.Module]:
+def norm_and_relu(width: int) -> tuple[nn.Module, nn.Module]:
     """Instance normalisation and ReLU, which follow a convolution."""
     return nn.InstanceNorm2d(width), nn.ReLU()
 

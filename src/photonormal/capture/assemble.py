@@ -26,6 +26,7 @@ from photonormal.capture.orientation import read_drawn, ring_note
 from photonormal.capture.pictures import counts_differ, pages, parse_images, refuse_repeated, white_boards
 from photonormal.capture.texts import read_intensities
 from photonormal.crop import Crop
+from photonormal.files.decode import decode, full_scale
 from photonormal.geometry import from_frame
 from photonormal.masked import box_of
 from photonormal.types import Camera, Capture, InputError, Lamps, Normals, unit_lights
@@ -309,6 +310,12 @@ def corrected(
     if lens is None and dark is None and flat is None and hot is None:
         return files
     return Corrected(files, dark, flat, hot, lens, box)
+
+
+def coded_normals(path: Path, frame: tuple[int, int] | None = None) -> np.ndarray:
+    """The normals that a picture, of the size `frame` where that is given, codes as (n + 1) / 2."""
+    samples = decode(path, frame)
+    return 2 * (samples / full_scale(samples)) - 1
 
 
 def known_normals(map: np.ndarray) -> Normals:

@@ -15,10 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.assemble import Choice, assemble, coded_normals
 from photonormal.capture.lights.match import last_part
 from photonormal.capture.texts import read_lines, read_named
-from photonormal.files.decode import decode, full_scale
 from photonormal.types import Capture, InputError
 
 
@@ -30,10 +29,9 @@ def matches(path: Path) -> bool:
 def read(path: Path, choice: Choice) -> Capture:
     """The sample in a material's folder; its mask is where the normal map holds a normal."""
     names, lights = listed(path)
-    map = decode(normal_map(path))
-    if map.shape[-1] != 3:
+    truth = coded_normals(normal_map(path))
+    if truth.shape[-1] != 3:
         raise InputError(f"{normal_map(path)} is grey but normals have three channels; restore it.")
-    truth = map / full_scale(map) * 2 - 1
     length = np.linalg.norm(truth, axis=-1, keepdims=True)
     truth = np.where(length > 0.1, truth / length.clip(1e-6), 0)  # background is 127, which is -0.004
     return assemble(

@@ -15,12 +15,9 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import numpy as np
-
-from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.assemble import Choice, assemble, coded_normals
 from photonormal.capture.lights import read_lights
 from photonormal.capture.pictures import natural
-from photonormal.files.decode import decode, full_scale
 from photonormal.types import Capture, InputError
 
 
@@ -50,15 +47,9 @@ def read(path: Path, choice: Choice) -> Capture:
         pictures=[(p, p.with_name(p.name.replace("_direct", "_indirect"))) for p in direct] or whole,
         lights=read_lights(folder / "light.txt"),
         mask=mask if os.path.lexists(mask) else None,
-        truth=lambda frame: read_normals(folder / "gt_normal.tif", frame),
+        truth=lambda frame: coded_normals(folder / "gt_normal.tif", frame),
         choice=choice,
     )
-
-
-def read_normals(path: Path, frame: tuple[int, int]) -> np.ndarray:
-    """The normals (h, w, 3) that a picture of the size `frame` codes."""
-    normals = decode(path, frame)
-    return normals / full_scale(normals) * 2 - 1
 
 
 def _object(path: Path) -> Path:

@@ -19,9 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from photonormal.capture.assemble import Choice, assemble
+from photonormal.capture.assemble import Choice, assemble, coded_normals
 from photonormal.capture.texts import number, positive, read_lines
-from photonormal.files.decode import decode, full_scale
 from photonormal.geometry import from_frame
 from photonormal.types import Camera, Capture, InputError, Lamps
 
@@ -45,15 +44,9 @@ def read(path: Path, choice: Choice) -> Capture:
         camera=camera,
         intensities=intensities / intensities.mean(),
         mask=path / "mask.png" if os.path.lexists(path / "mask.png") else None,
-        truth=(lambda frame: read_normals(normals, frame)) if os.path.lexists(normals) else None,
+        truth=(lambda frame: coded_normals(normals, frame)) if os.path.lexists(normals) else None,
         choice=choice,
     )
-
-
-def read_normals(path: Path, frame: tuple[int, int]) -> np.ndarray:
-    """The normals (h, w, 3) that a picture of the size `frame` codes."""
-    map = decode(path, frame)
-    return 2 * (map / full_scale(map)) - 1
 
 
 def read_parameters(path: Path) -> tuple[Lamps, np.ndarray, Camera]:

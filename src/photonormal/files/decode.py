@@ -6,6 +6,8 @@ A kind of file is one module with `header(file) -> Header` and `read(file, path)
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -142,24 +144,18 @@ def _word(printed: str) -> str:
     return f"is damaged ({lines[0][:200]})" if lines else ""
 
 
-class _refusals:
-    """Whatever reading the picture `path` raises becomes an InputError."""
-
-    def __init__(self, path: Path):
-        self.path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
-        path = self.path
-        if error is None or isinstance(error, InputError) or not isinstance(error, Exception):
-            return
-        if isinstance(error, FileNotFoundError):
-            raise InputError(f"picture {path} is missing; restore it or leave it out.") from None
-        if isinstance(error, OSError):
-            raise InputError(f"picture {path} can't be read ({error.strerror or error}); check the file.") from None
-        # decoders raise anything on a damaged file
+@contextmanager
+def _refusals(path: Path) -> Iterator[None]:
+    """Whatever reading a picture raises becomes an InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"picture {path} is missing; restore it or leave it out.") from None
+    except OSError as error:
+        raise InputError(f"picture {path} can't be read ({error.strerror or error}); check the file.") from None
+    except Exception as error:  # decoders raise anything on a damaged file
         raise InputError(f"picture {path} can't be decoded ({reason_of(error)}); copy or export it again.") from None
 
 

@@ -15,6 +15,7 @@ import photonormal
 from photonormal.disk import at_once
 from photonormal.methods.learned.network import Model, parameters
 from photonormal.methods.learned.weights import weights_file
+from photonormal.resources import processor
 
 LICENCE = "MIT"
 TITLES = {  # kind of exam -> its heading
@@ -81,13 +82,7 @@ def device_name(device: torch.device) -> str:
     """What the training ran on, in words."""
     if device.type == "cuda":
         return torch.cuda.get_device_name(device)
-    model = next((x.split(":")[1].strip() for x in _cpuinfo() if x.startswith("model name")), platform.processor())
-    return f"{model}, {torch.get_num_threads()} threads"
-
-
-def _cpuinfo() -> list[str]:
-    path = Path("/proc/cpuinfo")
-    return path.read_text().splitlines() if path.is_file() else []
+    return f"{processor()}, {torch.get_num_threads()} threads"
 
 
 def command(

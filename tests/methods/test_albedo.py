@@ -60,6 +60,26 @@ def test_highlights_and_shadows_do_not_change_the_albedo_where_most_lights_show_
     assert np.quantile(np.abs(found[seen] - 0.7), 0.9) < 0.01
 
 
+def test_a_highlight_that_is_far_brighter_than_a_dark_surface_is_not_taken_for_its_colour():
+    truth, lights = sphere(32), ring(24, elevation_deg=50)
+    matt = lambertian(truth, lights)
+    images = 0.05 * np.asarray(matt.images)
+    images[::6] += 3 * np.asarray(matt.images)[::6] ** 2  # a fifth of the lights show one
+    found = lambertian_albedo(Capture(images.astype(np.float32), truth.mask, lights), truth)[..., 0]
+    seen = (np.asarray(matt.images)[..., 0] > 0).sum(0) > 18
+    assert np.quantile(np.abs(found[seen] / (0.05 * 0.7) - 1), 0.9) < 0.02
+
+
+def test_in_a_hollow_that_most_lights_do_not_reach_the_albedo_is_not_that_of_the_shadows():
+    truth, lights = sphere(24), ring(20, elevation_deg=60)
+    matt = lambertian(truth, lights)
+    seen = (np.asarray(matt.images)[..., 0] > 0.1).all(0)
+    shadow = np.tile([0.05, 0.25, 0.25, 1, 1], 5)[: len(lights)]  # some are dark, in others is light from other parts
+    images = np.asarray(matt.images) * shadow[:, None, None, None]
+    found = lambertian_albedo(Capture(images.astype(np.float32), truth.mask, lights), truth)[..., 0]
+    assert np.abs(found[seen] - 0.7).max() < 0.03
+
+
 def test_of_a_matt_surface_the_albedo_is_exact():
     matt = lambertian(sphere(24), ring(12))
     assert np.abs(lambertian_albedo(matt, matt.truth)[matt.mask] - 0.7).max() < 1e-5

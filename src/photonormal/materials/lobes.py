@@ -11,17 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 from torch import Tensor
 
+from photonormal.methods.albedo import STEEPEST, matt_rank
 from photonormal.shading import cosines, ggx, half_vectors
 
 ROUGHNESS = torch.logspace(-1, 0, 20)  # that are tried
-STEEPEST = 0.1  # n.l below which a sample tells little
 LEAST = 0.01  # weight in the grey level of a channel that is saturated under all lights; 1: under none
-HIGH = 0.75  # quantile of I / n.l that lies in no shadow
-DARK = 0.1  # of that, below which a sample surely does
-LOW = 0.4  # quantile of those left that is taken for the matt part at first: highlights are above it, shadows below
+LOW = 0.4  # quantile of I / n.l in no shadow that is taken for the matt part at first: highlights are above it
 SHADE = 0.4  # of that, below which a sample lies in a shadow
 BLACK = 1e-10  # least variance at all, in squares of the samples' mean: some pixels are black under all lights
 NOISE = 1e-4  # least variance, over the signal's square: what the model can't explain anyway
@@ -95,14 +93,7 @@ def samples(
     Y = (I @ trusted[..., None])[..., 0] / trusted.sum(1, keepdim=True).clamp(min=1e-12)  # (p, n)
     ratio = torch.where(facing, Y / cos_l.clamp(min=STEEPEST), torch.inf)
     order = torch.from_numpy(np.argsort(ratio.numpy(), axis=1))  # several times as fast as torch's
-
-    def light(quantile: float, dark: Tensor | int = 0) -> Int[Tensor, "p 1"]:
-        """The one that shows a quantile of the ratios without the darkest ones."""
-        rank = dark + quantile * (count - dark).clamp(min=0)
-        return order.gather(1, rank.long().clamp(max=Y.shape[1] - 1))
-
-    dark = (ratio < DARK * ratio.gather(1, light(HIGH))).sum(1, keepdim=True)
-    at = light(LOW, dark)
+    at = order.gather(1, torch.from_numpy(matt_rank(ratio.gather(1, order).numpy(), count.numpy(), LOW)))
     steep = cos_l.gather(1, at).clamp(min=STEEPEST)
     albedo = I.gather(1, at[..., None].expand(-1, 1, I.shape[2]))[:, 0] / steep * (count > 0)
     level = Y.gather(1, at) / steep

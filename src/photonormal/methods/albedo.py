@@ -14,16 +14,21 @@ from photonormal.progress import progress
 from photonormal.shading import cosines
 from photonormal.types import Capture, Normals
 
-ROUNDS = 4  # after least squares
-SPREAD = 0.1  # of samples about the albedo, over what it shows: what is farther off is a highlight or a shadow
-PIXELS = 2**12  # worked on at a time: they fit into a cache
+STEEPEST = 0.1  # n.l below which a sample tells little
+HIGH = 0.75  # quantile of I / n.l that lies in no shadow
+DARK = 0.1  # of that, below which a sample surely does
+MIDDLE = 0.6  # quantile of those left, the matt part at first: between highlights and shadows that other parts light
+ROUNDS = 4  # of least squares
+ABOVE, BELOW = 0.05, 0.1  # of what the albedo shows: what is farther off is a highlight or a shadow
+PIXELS = 2**11  # worked on at a time: they fit into a cache
 
 
 def lambertian_albedo(capture: Capture, normals: Normals) -> Float[np.ndarray, "h w 3"]:
     """Albedo of each channel, zero outside, without highlights and shadows where most lights show neither.
 
-    Least squares of I_j = rho s_j with s_j = max(n.l_j, 0), then again with Cauchy's weights: samples count less the
-    farther they are off. Linear, in the unit of the images (1 is a saturated sample under a light of intensity 1).
+    Least squares of I_j = rho s_j with s_j = max(n.l_j, 0) by Cauchy's weights: samples count less the farther they are
+    off, at first from the middle of I_j / s_j; above it, where highlights are, twice as soon as below. Linear, in the
+    unit of the images (1 is a saturated sample under a light of intensity 1).
     """
     capture = seen_as_distant(capture, normals)
     solved = taken(normals.mask, capture.mask)
@@ -64,15 +69,37 @@ def _albedo(
 def robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p c"]:
     channels = np.ascontiguousarray(np.moveaxis(I, 2, 0))  # each by itself: several times faster than three together
     Y = channels.mean(0)
-    rho = _least_squares(channels, S, S)
+    level, rho = _matt_level(Y, S), np.zeros((len(S), len(channels)), np.float32)
     for _ in range(ROUNDS):
-        shown = rho.mean(-1, keepdims=True) * S
+        shown = level * S
         off = Y - shown
-        off /= np.maximum(SPREAD * shown, 1e-9)
+        off /= np.maximum(BELOW * shown, 1e-9)
+        above = off * (BELOW / ABOVE)
+        np.maximum(above, np.negative(off, out=off), out=off)
         off *= off
         off += 1
         rho = _least_squares(channels, S, np.divide(S, off, out=off))
+        level = rho.mean(-1, keepdims=True)
     return rho
+
+
+def _matt_level(Y: Float[np.ndarray, "p n"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p 1"]:
+    """Grey level over max(n.l, 0) without highlights and shadows, as a quantile tells it; 0 where no light is."""
+    facing = S > STEEPEST * S.max(1, keepdims=True)
+    ratio = np.where(facing, Y, np.inf) / S.clip(1e-9)
+    ratio.sort(1)
+    count = facing.sum(1, keepdims=True)
+    return np.where(count, np.take_along_axis(ratio, matt_rank(ratio, count, MIDDLE), 1), 0)
+
+
+def matt_rank(
+    ratio: Float[np.ndarray, "p n"], count: Int[np.ndarray, "p 1"], quantile: float
+) -> Int[np.ndarray, "p 1"]:
+    """Which of a pixel's ascending I / n.l is a quantile of those in no shadow; `count` of them are of steep lights."""
+    last = ratio.shape[1] - 1
+    high = np.take_along_axis(ratio, np.minimum((HIGH * count).astype(int), last), 1)
+    dark = (ratio < DARK * high).sum(1, keepdims=True)
+    return np.minimum(dark + (quantile * (count - dark).clip(0)).astype(int), last)
 
 
 def _least_squares(channels: np.ndarray, S: np.ndarray, weighted: np.ndarray) -> Float[np.ndarray, "p c"]:

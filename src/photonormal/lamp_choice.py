@@ -64,7 +64,7 @@ def choose_from(path: Path, count: int, out: Path | None = None, overwrite: bool
     if (L[:, 2] <= 0).any():
         raise InputError(
             f"{int((L[:, 2] <= 0).sum())} of the {len(L)} lights in {path} lie behind the object (z not above 0) but "
-            "lamps in front of it are needed; turn the sign of z, or leave them out."
+            "lamps in front of it are needed; change the sign of z, or leave them out."
         )
     found = choose(L, count)
     if out is not None:

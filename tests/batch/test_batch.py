@@ -229,7 +229,7 @@ def test_a_file_among_the_captures_is_told_and_left_out(season, tmp_path, here, 
     (season / "notes.txt").write_text("dug up in spring")
     code, out, err = batch()
     assert code == 0 and out.startswith("3 measured, 0 were done") and err.count("\n") == 1
-    assert f"left out, since captures are folders or .lp files: {season / 'notes.txt'}" in err
+    assert f"left out, since only folders and .lp files are captures: {season / 'notes.txt'}" in err
     assert json.loads(batch("--json-lines")[1].splitlines()[0])["left_out"] == [str(season / "notes.txt")]
 
 
@@ -261,7 +261,7 @@ def test_what_another_is_just_at_is_waited_for_and_not_failed(season, tmp_path, 
     monkeypatch.setattr(run, "in_use", in_use)
     code, out, err = batch()
     assert code == 0 and "1 measured, 2 were done" in out and next(looks, None) is None
-    assert err == "photonormal: waiting for another photonormal, which is at vase-0.\n"
+    assert err == "photonormal: waiting for another photonormal, which measures vase-0.\n"
     assert rows(results)["vase-0"]["state"] == "done"
 
 

@@ -119,14 +119,14 @@ def test_pictures_without_exposure_data_are_refused(tmp_path):
     jpeg(tmp_path / "0.jpg", (1, 50))
     for j in (1, 2):
         jpeg(tmp_path / f"{j}.jpg", None)
-    with pytest.raises(InputError, match=r"1.jpg and 1 more tell no exposure time .* light_intensities.txt"):
+    with pytest.raises(InputError, match=r"1.jpg and 1 more have no exposure time .* light_intensities.txt"):
         exposures([tmp_path / f"{j}.jpg" for j in range(3)])
 
 
 def test_a_mixture_with_and_without_iso_is_refused(tmp_path):
     jpeg(tmp_path / "0.jpg", (1, 50), None)
     jpeg(tmp_path / "1.jpg", (1, 50), 200)
-    with pytest.raises(InputError, match="some pictures tell their iso"):
+    with pytest.raises(InputError, match="some pictures name their iso"):
         exposures([tmp_path / "0.jpg", tmp_path / "1.jpg"])
 
 

@@ -209,7 +209,7 @@ def test_lines_to_one_light_meet_there():
 
 
 def test_a_light_at_infinity_has_no_position():
-    with pytest.raises(InputError, match="position can't be told"):
+    with pytest.raises(InputError, match="position can't be found"):
         nearest_point(np.array([[0.0, 0, 0], [100, 0, 0]]), np.array([[0, 0, 1.0], [0, 0, 1]]))
 
 

@@ -202,7 +202,7 @@ def test_a_journal_of_somebody_else_reaches_nothing_outside(tmp_path, name):
     (folder / PARTIAL / "journal").write_text("".join(json.dumps(e) + "\n" for e in entries))
     before = content(tmp_path)
     for job in (recover, put):
-        with pytest.raises(InputError, match="not what a run of photonormal left"):
+        with pytest.raises(InputError, match="not left by a run of photonormal"):
             job(folder)
         assert content(tmp_path) == before
 
@@ -212,7 +212,7 @@ def test_a_journal_of_somebody_else_reaches_nothing_outside(tmp_path, name):
 )
 def test_a_journal_that_is_none_is_told_in_one_line(tmp_path, text):
     place(tmp_path, {f"{PARTIAL}/journal": '{"written by": "photonormal"}\n' + text + "\n"})
-    with pytest.raises(InputError, match="look what is in it"):
+    with pytest.raises(InputError, match="look at its content"):
         recover(tmp_path)
 
 

@@ -114,14 +114,14 @@ def test_what_is_read_is_never_written_over(tmp_path):
         (capture / name).write_text("true normals")
     with pytest.raises(InputError, match="holds the photographs"):
         result(capture, overwrite=True, reads=[capture])
-    with pytest.raises(InputError, match="among what is read"):
+    with pytest.raises(InputError, match="among the files that are read"):
         result(capture / "out", overwrite=True, reads=[capture])
     (tmp_path / "link").symlink_to(capture / "out" / "normals.png")
-    with pytest.raises(InputError, match="among what is read"):
+    with pytest.raises(InputError, match="among the files that are read"):
         result(capture / "out", overwrite=True, reads=[tmp_path / "link"])
     result(capture / "new", reads=[capture])
     result(capture / "new", reads=[capture])  # its own results may be replaced
-    with pytest.raises(InputError, match="among what is read"):
+    with pytest.raises(InputError, match="among the files that are read"):
         result(capture / "new", reads=[capture, capture / "new" / "mesh.ply"])
 
 

@@ -57,7 +57,7 @@ def test_background_has_no_normal(tmp_path, background):
     picture = encoded(TRUTH.map)
     picture[~OBJECT] = background
     found, said = read(write_picture(tmp_path / "n.png", picture))
-    assert (found.mask == OBJECT).all() and error_deg(found) < 0.7 and "100.0 % of the pixels that are no back" in said
+    assert (found.mask == OBJECT).all() and error_deg(found) < 0.7 and "100.0 % of the pixels that are not back" in said
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
@@ -260,7 +260,7 @@ def test_commands_print_the_share_and_take_a_mask(tmp_path, capsys):
     map, depth = str(tmp_path / "n.png"), str(tmp_path / "d.npz")
     assert main(["integrate", map, "--out", depth, "--mask", str(tmp_path / "mask.png")]) == 0
     err = capsys.readouterr().err
-    assert f"{int(OBJECT.sum())} normals, 100.0 %" in err and "read as --frame directx" in err
+    assert f"{int(OBJECT.sum())} normals, on 100.0 %" in err and "read as --frame directx" in err
     found = np.load(depth)["depth"]
     assert (np.isfinite(found) == OBJECT).all()
     off = (found - HEIGHT)[OBJECT]

@@ -70,6 +70,6 @@ def test_a_white_board_tells_no_intensities(rig):
     board(rig / "white", 1.2)
     with pytest.raises(InputError, match=r"001.png of .*white is white where the board is.* expose less"):
         intensities(rig / "object", rig / "a.txt", rig / "white")
-    with pytest.raises(InputError, match="tells the lights' intensities already"):
+    with pytest.raises(InputError, match="shows the lights' intensities already"):
         intensities(rig / "object", rig / "a.txt", flat=rig / "board")
     assert not (rig / "a.txt").exists()

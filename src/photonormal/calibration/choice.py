@@ -163,8 +163,8 @@ def _best_shaded(around: list[FoundCircle], survey: Survey, where: str) -> Found
     if others:
         other = max(others, key=lambda k: around[k].circle.confidence)
         notes.append(
-            f"{where} shows another circle around the highlights, at {around[other].circle}, in which the lights would "
-            f"be {off[other]:.0f} degrees elsewhere; look at the picture, and give --circle x,y,r if it is right."
+            f"{where} shows another circle around the highlights, at {around[other].circle}, and with it the lights "
+            f"would be {off[other]:.0f} degrees elsewhere; look at the picture, and give --circle x,y,r if it is right."
         )
     if told and left > ODD[0] and left > ODD[1] * least:
         notes.append(

@@ -76,8 +76,8 @@ def nearest_point(
     A = M.sum(0)
     if np.linalg.eigvalsh(A)[0] < PARALLEL * len(lines):
         raise InputError(
-            "the spheres see a light in the same direction to within a degree, so its position can't be told; "
-            "set them further apart, or use its direction only."
+            "the spheres see a light in the same direction to within a degree, so its position can't be found; "
+            "set the spheres further apart, or use the light's direction only."
         )
     x = np.linalg.solve(A, np.einsum("kij,kj->i", M, points))
     return x, float(np.sqrt(((M @ (x - points)[..., None]) ** 2).sum((1, 2)).mean()))

@@ -33,7 +33,7 @@ SPREAD = 0.03  # of the highlights, in radii, below which they do not move
 BEGIN = 0.4  # correlation with what is dark from which a circle is improved by it
 ASTRAY = (6.0, 0.35)  # how far below the middle one picture may be, in what that lacks, and at least
 FAINTLY = (
-    "the sphere mirrors the lamps hardly more brightly than noise, so that its shadows tell where they are; use a "
+    "the sphere mirrors the lamps hardly more brightly than noise, so its shadows were used to find them; use a "
     "larger or shinier sphere, or expose longer."
 )
 ROUNDS = 3  # of looking for highlights in a circle and improving it by its shadows

@@ -270,7 +270,7 @@ def _boards(choice: Choice, lit: LitPictures, near: bool) -> list[Path] | None:
         return None
     if near or choice.mm_per_px is not None:
         raise InputError(
-            f"--flat {choice.flat} tells how light falls off, and so do the lamps' places; "
+            f"--flat {choice.flat} shows how light falls off, and so do the lamps' positions; "
             "leave --flat or --mm-per-px out."
         )
     if choice.rgb_lights and choice.flat.is_dir():

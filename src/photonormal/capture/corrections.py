@@ -120,7 +120,7 @@ def read_frame(
     white = float((samples == full_scale(samples)).any(-1).mean()) if samples.dtype.kind == "u" else 0.0
     if white > most_white:
         raise InputError(
-            f"{100 * white:.0f} % of the {what} {path} is white, so that it doesn't tell how bright it is there; "
+            f"{100 * white:.0f} % of the {what} {path} is white, where its brightness can't be measured; "
             "expose less, and photograph it again."
         )
     own = encoding if encoding.by_user else encoding_of(path)
@@ -173,7 +173,7 @@ class FlatFields:
             j = int(self.cosines.argmin())
             raise InputError(
                 f"the light of the flat field {paths[j]} lies {np.degrees(np.arccos(self.cosines[j])):.0f} degrees off "
-                "the camera's axis, so that it misses a board that faces the camera; leave that light out."
+                "the camera's axis, so it does not reach a board that faces the camera; leave that light out."
             )
         self.middle = float(np.mean(medians))
 

@@ -66,13 +66,13 @@ def exposures(paths: Sequence[Path]) -> np.ndarray:
     absent = [p.name for p, e in zip(paths, found, strict=True) if e.exposure() is None]
     if absent:
         raise InputError(
-            f"{a_few(absent, 1)} tell no exposure time in their Exif data but --exif-exposure needs it; "
+            f"{a_few(absent, 1)} have no exposure time in their Exif data but --exif-exposure needs it; "
             "give light_intensities.txt instead, or the pictures as the camera wrote them."
         )
     for what in ("iso", "f_number"):
         if len({getattr(e, what) is None for e in found}) == 2:
             raise InputError(
-                f"some pictures tell their {what.replace('_', '-')} in Exif and others don't, so exposures can't "
+                f"some pictures name their {what.replace('_', '-')} in Exif and others don't, so exposures can't "
                 "be compared; give light_intensities.txt instead."
             )
     e = np.array([[x.exposure()] for x in found], dtype=np.float64)

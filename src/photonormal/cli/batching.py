@@ -54,7 +54,7 @@ class Going:
             return cluster(self.scheduler, self.workers, self.split_megapixels)
         if self.split_megapixels:
             raise InputError(
-                "--split-megapixels needs a cluster, whose workers share a capture; add --scheduler or --workers."
+                "--split-megapixels needs a cluster with workers that share a capture; add --scheduler or --workers."
             )
         if soon:
             begin_loading()
@@ -152,19 +152,19 @@ def as_lines(event: str, **what: Any) -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         say_no_more()
-        tell("nobody reads the events any more; the captures are measured all the same.")
+        tell("nobody reads the events any more, but the batch goes on.")
 
 
 def in_words(event: str, **what: Any) -> None:
     """What a person wants to know of an event."""
     if event == "found" and (others := what["left_out"]):
-        tell(f"left out, since captures are folders or .lp files: {a_few(others, 5)}")
+        tell(f"left out, since only folders and .lp files are captures: {a_few(others, 5)}")
     elif event == "failed":
         tell(f"{what['capture']}: {what['message']}")
     elif event == "stale":
         tell(f"{what['capture']} is measured again: {what['why']}")
     elif event == "busy":
-        tell(f"waiting for another photonormal, which is at {', '.join(what['captures'])}.")
+        tell(f"waiting for another photonormal, which measures {', '.join(what['captures'])}.")
     elif event == "summary":
         failed = f", {what['failed']} failed; --retry failed tries those again" if what["failed"] else ""
         print(f"{what['measured']} measured, {what['kept']} were done{failed}: {what['out']}")
@@ -177,8 +177,8 @@ def while_watching(event: str, **what: Any) -> None:
         tell(f"watching {what['folder']}; {Path(what['out']) / 'index.html'} is the summary; Ctrl-C ends it.")
     elif event == "loose":
         tell(
-            f"{what['picture']} lies in {what['folder']} itself and is not measured: each object's photographs have to "
-            "come into a folder of their own there."
+            f"{what['picture']} lies in {what['folder']} itself and is not measured: put each object's photographs "
+            "into a folder of their own there."
         )
     elif event == "done":
         expected = what.get("expected_error_deg")

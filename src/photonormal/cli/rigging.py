@@ -178,8 +178,8 @@ class Lights:
         numbers = ",".join(str(j + 1) for j in found.lamps)
         print(f"keep {len(found.lamps)} lamps: {numbers}")
         print(
-            f"{found.error_deg:.1f} degrees on rendered objects under them, {found.chance_deg:.1f} under as many drawn "
-            f"by chance, {found.all_deg:.1f} under all, as lmps measures"
+            f"the method lmps is off by {found.error_deg:.1f} degrees on rendered objects under them, by "
+            f"{found.chance_deg:.1f} under as many drawn by chance, and by {found.all_deg:.1f} under all"
         )
         if self.out:
             print(self.out)
@@ -229,7 +229,7 @@ class Check:
         if files:
             print(", ".join(str(f) for f in files))
         if any(f.grave and f.lights is None and not f.options and f.kind != "mask" for f in found):
-            print("Mend first what is grave; then")
+            print("Mend first what is grave, then run this:")
         next_step(*self._next(found))
         return code
 

@@ -92,7 +92,7 @@ class Export:
             (self.by != Export.by, "--by", relit, "--relit or --sweep"),
         ):
             if given and not taken:
-                raise InputError(f"{option} came without {by}, which alone takes it; leave it out.")
+                raise InputError(f"{option} came without {by}, but works only with it; leave it out.")
         from photonormal.files.memory import allow
         from photonormal.view.result import is_result
 

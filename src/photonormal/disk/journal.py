@@ -86,7 +86,7 @@ class Journal:
         except (ValueError, TypeError, AttributeError, RecursionError):
             partial = self.folder / PARTIAL
             raise InputError(
-                f"{partial} is not what a run of photonormal left; look what is in it, then remove it."
+                f"{partial} was not left by a run of photonormal; look at its content, then remove it."
             ) from None
         return found
 

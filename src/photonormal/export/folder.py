@@ -105,7 +105,9 @@ def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: set[tuple[
             continue
         above = Path(os.path.realpath(path)).parents
         if identities([path]) & used or (name not in ours and identities(above) & used):
-            raise InputError(f"{path} is among what is read here, and is not written over; choose another --out.")
+            raise InputError(
+                f"{path} is among the files that are read here, and is not written over; choose another --out."
+            )
         if name not in ours and not overwrite:
             raise InputError(
                 f"{path} was not written by photonormal, or has changed since; choose another --out, or add "

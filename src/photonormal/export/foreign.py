@@ -88,13 +88,13 @@ def judged(
     map[kept] = normalised(p[holds].astype(np.float64))
     if frame == AUTO and _certainly(map, kept, worse=AS_IT_IS, better=FLIPPED):
         tell(
-            f"{path}: green points down, by the slopes' curl: it is read as --frame directx; --frame opengl takes "
-            "it as it is."
+            f"{path}: green points down, as the slopes' curl shows, so it is read as --frame directx; --frame opengl "
+            "reads it as it is."
         )
         map = from_frame(map, "directx")
     tell(
-        f"{path}: {int(kept.sum())} normals, {100 * float(holds.mean()):.1f} % of the pixels that are no background "
-        f"({100 * float(known.mean()):.1f} % of the picture)."
+        f"{path}: {int(kept.sum())} normals, on {100 * float(holds.mean()):.1f} % of the pixels that are not "
+        f"background ({100 * float(known.mean()):.1f} % of the picture)."
     )
     return Normals(map, kept)
 

@@ -102,7 +102,7 @@ def read(
     else:
         samples, told, ours = decode_all(path, finite=False), remark(path, FRAME), None
     if told is not None and frame not in (AUTO, told):
-        notes.append(f"{path}: it says that its frame is {told}, and is read as --frame {frame} nevertheless.")
+        notes.append(f"{path}: the file says that its frame is {told}, but it is read as --frame {frame} nevertheless.")
     if told is not None and frame == AUTO:
         known_frame(told)
         frame = told
@@ -154,4 +154,4 @@ def told_frame(axes: np.ndarray | None, path: Path) -> str | None:
     for name, known in FRAMES.items():
         if list(known) == axes.tolist():
             return name
-    raise InputError(f"{path} tells axes {str(axes.tolist())[:60]} of no known frame; save it again.")
+    raise InputError(f"{path} names axes {str(axes.tolist())[:60]}, which are no known frame; save it again.")

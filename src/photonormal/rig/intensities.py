@@ -55,7 +55,7 @@ def intensities(
     refuse_taken([out], overwrite, files_read(capture, photographs, *how.values()))
     L = photographs.known_lights()
     if (flat := how.get("flat")) and Path(flat).is_dir():
-        raise InputError(f"--flat {flat} tells the lights' intensities already; leave it out to find them another way.")
+        raise InputError(f"--flat {flat} shows the lights' intensities already; leave it out to find them another way.")
     with progress("intensities"):
         if reference is not None or region:
             e = _by_board(photographs, Path(reference if reference is not None else capture), region, L, how)
@@ -95,8 +95,8 @@ def _by_board(
         shown = board.window(j, *box)
         if board.saturated(j, rows, columns, shown).mean((0, 1)).max() > MOST_WHITE:
             raise InputError(
-                f"{paths[j].name} of {place} is white where the board is, so that it doesn't tell how bright its light "
-                "is; expose less, and photograph it again."
+                f"{paths[j].name} of {place} is white where the board is, so its light can't be "
+                "measured; expose less, and photograph it again."
             )
         return np.median(shown, axis=(0, 1))
 
@@ -115,7 +115,7 @@ def _by_shading(photographs: Capture, L: np.ndarray) -> np.ndarray:
     lit = np.all((I > 0).any(1), axis=-1)
     I = I[lit].astype(np.float64)  # (p, n, c)
     if len(I) < 100:
-        raise InputError(f"{photographs.name} shows too little light on the object to tell intensities from.")
+        raise InputError(f"{photographs.name} shows too little light on the object to find intensities from.")
     lamps, camera = photographs.lamps, photographs.camera
     if lamps is None or camera is None:
         return np.stack([self_calibrated(I[..., k], L)[0] for k in range(c)], axis=-1)

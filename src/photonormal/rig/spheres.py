@@ -157,8 +157,8 @@ def _disagreement(found: Sequence[Sphere], L: np.ndarray, names: Sequence[str]) 
     j, several = int(off.argmax()), int((off > APART_DEG).sum())
     return [
         f"the spheres disagree about {several} of {len(names)} lights: that of {names[j]} differs by {off[j]:.0f} "
-        "degrees from the mean, which was taken. A circle is off, a folder's pictures are in another order, or lamps "
-        "are near; of spheres in one frame --radius-mm finds where they are."
+        "degrees from the mean, which was used. A circle is off, a folder's pictures are in another order, or lamps "
+        "are near. Positions of near lamps need two spheres in one frame and --radius-mm."
     ]
 
 

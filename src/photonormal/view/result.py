@@ -278,7 +278,7 @@ def lit_by(capture: Capture, lit: StoredLights) -> Capture:
     intensities = np.array(lit["intensities"], float) if "intensities" in lit else None
     for found in (lights, intensities):
         if found is not None and len(found) != capture.images.shape[0]:
-            raise InputError(f"the report tells {len(found)} lights of {capture.images.shape[0]} photographs; {AGAIN}.")
+            raise InputError(f"the report has {len(found)} lights for {capture.images.shape[0]} photographs; {AGAIN}.")
     return under(capture, lights, intensities)
 
 

@@ -58,7 +58,7 @@ def test_of_a_strip_nothing_is_said():
     images = np.random.default_rng(0).uniform(size=(8, 6, 1200)).astype(np.float32)
     strip = Capture(images, lights=scattered(8))
     assert mended(strip) is None
-    with pytest.raises(InputError, match="so narrow that nothing of it is left"):
+    with pytest.raises(InputError, match="so narrow that nothing is left of it"):
         refined(strip)
 
 

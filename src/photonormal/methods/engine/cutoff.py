@@ -53,8 +53,8 @@ def given_back(capture: Capture) -> Capture:
     if len(lit) and np.median(lit) < COARSE and capture.lamps is None:
         repaired = replace(repaired, images=Filled(repaired, levels.size))
         notes.append(
-            f"The pictures have few grey levels: half of what is not black has at most {np.median(lit):.1f}. "
-            "Zeros were set to what their pixels' other samples say."
+            f"The pictures have few grey levels: half of the samples that are not black have at most "
+            f"{np.median(lit):.1f}. Zeros were set to what their pixels' other samples say."
         )
     return replace(repaired, notes=(*capture.notes, *notes))
 

@@ -24,12 +24,12 @@ TURNED = 0.2  # standard deviation of a turn of all given lights about the view 
 UNEVEN = 0.05  # unevenness of lights that were divided by their intensities, from which on they may be halfway vectors
 EVENER = 0.7  # and are, where twice the angles leave less than this of it
 HALFWAY = (
-    "the given lights were halfway to the right ones; their angles to the camera's axis were doubled, then mended."
+    "the given lights were halfway to the right ones; their angles to the camera's axis were doubled, then corrected."
 )
-ALRIGHT = "the photographs speak for no other lights than the given ones, which are kept."
+ALRIGHT = "no other lights fit the photographs better than the given ones, so these are kept."
 UNTOLD = (
-    "shading agrees with no lights, as on metal or in much noise, and can't tell whether the given ones are right, "
-    "which are kept."
+    "no lights agree with the shading, as on metal or in much noise, so nothing shows whether the given lights are "
+    "right; they are kept."
 )
 
 

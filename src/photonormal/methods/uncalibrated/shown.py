@@ -37,8 +37,8 @@ class ShownPixels:
         images, inside = reduced(capture, SIDE)
         if not inside.any():
             raise InputError(
-                f"{capture.name} is so narrow that nothing of it is left in the {SIDE} pixels that lights are found "
-                "from; --crop a shorter part of it for that."
+                f"{capture.name} is so narrow that nothing is left of it when it is reduced to {SIDE} pixels to find "
+                "lights; --crop a shorter part of it."
             )
         I = grey(images[None])[0, :, 0][:, inside].T.contiguous()
         levels = Levels.of(I)

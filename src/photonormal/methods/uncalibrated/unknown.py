@@ -51,15 +51,13 @@ def unknown_lights(capture: Capture, device: torch.device) -> FoundLights:
     lights, intensities = normalised(s.double()), s.double().norm(dim=1)
     refuse_narrow(lights, capture.name)
     narrow = spread_deg(lights)
-    alone = (
-        "" if settled else " by the network alone: shading does not bear it out, as on metal, and they are uncertain"
-    )
+    alone = "" if settled else " by the network alone: the shading does not agree, as on metal, and they are uncertain"
     off_deg = float(first.told_deg.mean()) * (REFINED_OFF if settled else GUESS_OFF)
     outwards = leaning(N, shown.inside)
     notes = [f"the lights were found from the photographs alone{alone}; {off_by(off_deg, outwards)}."]
     if doubtful := float(first.told_deg.mean()) > BROAD_DEG:
         notes.append(
-            "Which way the light comes from is doubtful: what bulges may be a hollow, and relief too deep or too flat; "
+            "The lights' directions are doubtful: a bulge may be a hollow, and relief too deep or too flat; "
             "compare the result with the object."
         )
     notes += shape_of_lights(N, shown.inside)
@@ -67,7 +65,7 @@ def unknown_lights(capture: Capture, device: torch.device) -> FoundLights:
         notes += side_of_lights(outwards)
     if tint(shown) > TINTED:
         notes.append(
-            "The lights differ in colour, and one intensity of each was found: colours of the albedo are wrong."
+            "The lights differ in colour, but only one intensity of each was found, so the albedo's colours are wrong."
         )
     if narrow < NARROW_DEG:
         notes.append(f"The lights differ by {narrow:.0f} degrees only, so relief may be much too deep or too flat.")
@@ -85,6 +83,6 @@ def refuse_unshaded(shown: ShownPixels, name: str) -> None:
     values = torch.linalg.svdvals((shown.I.T @ shown.I).double()).sqrt()
     if len(shown.I) < 50 or not values[1] > SHADED * values[0]:
         raise InputError(
-            f"the photographs of {name} tell no lights: shading is the same in all of them; give photographs of a "
+            f"the photographs of {name} show no lights: shading is the same in all of them; give photographs of a "
             "curved object under different lights, or give the lights."
         )

@@ -24,11 +24,11 @@ REGULAR = (
     "another surface, would give the same photographs; compare the result with the object."
 )
 HOLLOW = (
-    "Most of the outline is not where the surface turns away from the camera, so photographs don't tell a bulge from a "
+    "Most of the outline is not where the surface turns away from the camera, so a bulge looks like a "
     "hollow that is lit from the opposite side; compare the result with the object."
 )
 
-BULGE = "The object is taken for one that bulges; a hollow, such as a bowl, comes out inside out."
+BULGE = "The object was assumed to bulge; a hollow, such as a bowl, comes out inside out."
 
 
 def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
@@ -59,10 +59,10 @@ def off_by(off_deg: float, outwards: float) -> str:
     if outwards > WHOLE:
         return (
             f"about {off_deg:.0f} degrees off, at times three times that, if the object is seen whole, to where its "
-            "surface turns away from the camera; of a sherd or another domed part they may be off by 25"
+            "surface turns away from the camera; for a sherd or another domed part they may be off by 25"
         )
     return (
-        "how far they are off can't be told, since the outline is none where the surface turns away from the camera: "
-        "of coins, plates, tablets and cloth it was more than 30 degrees as a rule, of objects without a mask 2 to 34; "
-        "give a mask of the whole object, or lights"
+        "how far they are off can't be told, since the surface does not turn away from the camera along the outline: "
+        "for coins, plates, tablets and cloth it was more than 30 degrees as a rule, for objects without a mask 2 to "
+        "34; give a mask of the whole object, or give the lights"
     )

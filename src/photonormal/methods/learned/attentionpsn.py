@@ -1,4 +1,4 @@
-"""Attention-PSN (Ju, Lam, Chen, Qi, Dong, IJCAI 2020): where an object has edges, its normals' changes are learned.
+"""Attention-PSN (Ju, Lam, Chen, Qi, Dong, IJCAI 2020): at an object's edges it learned from changes of normals.
 
 A deep residual network takes the place of PS-FCN's extractor. Beside it a small one tells from the edges of the images
 how much each pixel is an edge; it decides what is learned (`photonormal.train.objective`), and does not measure.

@@ -1,4 +1,4 @@
-"""A classical prior as the frame of a network: a pixel reads its own images first, then looks around (normalnet).
+"""The default, our network: a classical prior gives each pixel its frame; it reads its images, then looks around.
 
 Fed as plain features a prior is copied, its bias included; as a frame it isn't. Each pixel's lights are turned about
 the view axis until the prior's azimuth is zero, so that one isotropic material looks the same from every side and a

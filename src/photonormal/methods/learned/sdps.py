@@ -1,4 +1,4 @@
-"""SDPS-Net (Chen, Han, Shi, Matsushita, Wong, CVPR 2019): one network tells the lights, another the normals."""
+"""SDPS-Net (Chen, Han, Shi, Matsushita, Wong, CVPR 2019): one network finds the lights, another the normals."""
 
 from __future__ import annotations
 

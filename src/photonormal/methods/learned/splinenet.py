@@ -1,5 +1,6 @@
-"""SPLINE-Net: Q. Zheng, Y. Jia, B. Shi, X. Jiang, L.-Y. Duan, A. Kot, "SPLINE-Net: Sparse photometric stereo through
-lighting interpolation and normal estimation networks", ICCV 2019.
+"""SPLINE-Net: Q. Zheng, Y. Jia, B. Shi, X. Jiang, L.-Y. Duan, A. Kot, ICCV 2019, which fills the gaps between lights.
+
+The paper is "SPLINE-Net: Sparse photometric stereo through lighting interpolation and normal estimation networks".
 
 Few lights: one network fills the gaps of a pixel's observation map, another tells the normal from both maps. While they
 learn, the first is shown some of a pixel's samples and has to tell all of them (`photonormal.train.objective`). The

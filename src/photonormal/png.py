@@ -28,6 +28,11 @@ def encode_png(picture: np.ndarray, chunks: dict[bytes, bytes] | None = None) ->
     return b"".join([data[:HEADER_END], *parts, data[HEADER_END:]])
 
 
+def encode_mask(mask: np.ndarray) -> bytes:
+    """PNG of a mask (h, w), white where it holds."""
+    return encode_png(mask.astype(np.uint8) * np.uint8(255))
+
+
 def by_rows(
     rows: Callable[[slice], np.ndarray],
     size: tuple[int, int],

@@ -26,7 +26,7 @@ class DrawnMask(NamedTuple):
 def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool = False) -> DrawnMask:
     """The object's mask from its shading, and a preview of it, as pictures."""
     from photonormal.calibration.mask import things_from_shading
-    from photonormal.png import encode_png
+    from photonormal.png import encode_mask, encode_png
 
     out = Path(out)
     shown = out.with_name(f"{out.stem}_preview.png")
@@ -41,7 +41,7 @@ def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool 
     preview = np.repeat(grey[..., None], 3, axis=-1)
     preview[~mask] = preview[~mask] / 3 + np.array([0, 0, 90])
     with at_once(out.parent) as batch:
-        batch.write(out.name, encode_png(mask.astype(np.uint8) * np.uint8(255)))
+        batch.write(out.name, encode_mask(mask))
         batch.write(shown.name, encode_png(preview.astype(np.uint8)))
     return DrawnMask(out, shown, _said(others))
 

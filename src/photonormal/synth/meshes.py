@@ -13,6 +13,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from photonormal.files.opening import reason_of
 from photonormal.synth.params import rotations, tensor
 from photonormal.types import InputError
 
@@ -141,8 +142,7 @@ def load_mesh(path: Path | str) -> Mesh:
         vertices = np.asarray(mesh.vertices, np.float64)  # pyright: ignore[reportAttributeAccessIssue]
         faces = np.asarray(mesh.faces, np.int64)  # pyright: ignore[reportAttributeAccessIssue]
     except Exception as error:  # trimesh's readers raise anything
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-        raise InputError(f"{path} can't be read as a mesh ({reason[:120]}); give an OBJ or PLY file.") from None
+        raise InputError(f"{path} can't be read as a mesh ({reason_of(error)}); give an OBJ or PLY file.") from None
     if faces.size == 0:
         raise InputError(f"{path} has {len(vertices)} vertices and no faces; give a mesh of triangles.")
     if not np.isfinite(vertices).all():

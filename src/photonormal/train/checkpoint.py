@@ -12,6 +12,7 @@ from typing import Any, NotRequired, TypedDict
 import torch
 
 from photonormal.disk import write
+from photonormal.files.opening import reason_of
 from photonormal.options import NotNegative, Precision, Whole
 from photonormal.stored import converted
 from photonormal.types import InputError
@@ -54,8 +55,7 @@ def load(out: Path, recipe: dict[str, Any], data: Sequence[dict[str, Any]] = ())
         if any(t.numel() * t.itemsize > t.untyped_storage().nbytes() for t in _tensors(state, set())):
             raise ValueError("a tensor claims more numbers than there are")
     except Exception as error:  # a damaged file fails in many ways
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0][:200]
-        raise InputError(f"checkpoint {path} can't be read ({reason}); start again.") from None
+        raise InputError(f"checkpoint {path} can't be read ({reason_of(error)}); start again.") from None
     state = converted(state, TrainingState, f"checkpoint {path}", "start again")
     if list(data) != state.get("data", []):
         came, needed = (

@@ -25,7 +25,7 @@ from photonormal.export import lights as text
 from photonormal.export.mesh import display
 from photonormal.masked import means
 from photonormal.options import Coordinate, Positive, Whole
-from photonormal.png import encode_png
+from photonormal.png import encode_mask
 from photonormal.progress import progress
 from photonormal.rig.mask import MASK_PICTURES
 from photonormal.rig.pictures import images_of, numbered_pictures
@@ -129,7 +129,7 @@ class Marking:
             crop.inside(mask)
             content[CROP] = f"{crop.x},{crop.y},{crop.width},{crop.height}\n".encode()
         if mask is not None:
-            content["mask.png"] = encode_png(mask.astype(np.uint8) * np.uint8(255))
+            content["mask.png"] = encode_mask(mask)
         names, lights = [self.names[j] for j in kept], self.lights
         if marks.sphere is not None:
             circle = Circle(marks.sphere.x, marks.sphere.y, marks.sphere.r)

@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from photonormal.geometry import fibonacci_cap
+from photonormal.geometry import angle_deg, fibonacci_cap
 from photonormal.synth.library import FAMILIES
 from photonormal.synth.materials import Coats, dress
 from photonormal.synth.params import rng, tensor
@@ -77,8 +77,7 @@ class BothRenderings:
 
     def normals_deg(self) -> float:
         """Mean angle between the two normal maps."""
-        a, b = (n[self.mask].astype(np.float64) for n in self.normals)
-        return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(-1))).mean())
+        return float(angle_deg(*(n[self.mask] for n in self.normals)).mean())
 
     def _percent(self, images: tuple[np.ndarray, np.ndarray]) -> float:
         ours, theirs = images

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
+from photonormal.files.opening import reason_of
 from photonormal.synth.pathtraced.variant import mitsuba
 from photonormal.types import InputError
 
@@ -97,9 +98,8 @@ def read_mesh(path: Path) -> Triangles:
     try:
         loaded: Any = trimesh.load(path, force="mesh", process=True)
     except Exception as error:  # loaders raise anything on a damaged file
-        reason = (str(error).strip() or type(error).__name__).splitlines()[0]
         raise InputError(
-            f"mesh {path} can't be read ({reason[:200]}); give an OBJ or PLY file with triangles."
+            f"mesh {path} can't be read ({reason_of(error)}); give an OBJ or PLY file with triangles."
         ) from None
     loaded.merge_vertices(merge_tex=True, merge_norm=True)
     if not len(loaded.faces):

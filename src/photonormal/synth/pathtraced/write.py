@@ -9,11 +9,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from photonormal.disk import at_once
-from photonormal.png import encode_png
+from photonormal.png import encode_mask
 from photonormal.synth.layout import RenderedObject, write_diligent
 from photonormal.synth.pathtraced.tracer import eroded
-
-WHITE = np.uint8(255)  # on a mask
 
 
 def write_object(folder: Path, rendered: RenderedObject) -> None:
@@ -38,8 +36,8 @@ def write_cyclesps(
         np.savetxt(batch / "light.txt", lights, "%.7f")
         coded = np.round((normals + 1) / 2 * 65535).astype(np.uint16)
         batch.write("gt_normal.tif", _tiff(coded))
-        batch.write("inboundary.png", encode_png(WHITE * mask))
-        batch.write("onboundary.png", encode_png(WHITE * (mask & ~eroded(mask))))
+        batch.write("inboundary.png", encode_mask(mask))
+        batch.write("onboundary.png", encode_mask(mask & ~eroded(mask)))
 
 
 def _tiff(picture: np.ndarray) -> bytes:

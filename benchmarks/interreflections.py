@@ -23,11 +23,11 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 import photonormal as pn
+from photonormal.geometry import fibonacci_cap
 from photonormal.materials.interreflections import brightening
 from photonormal.methods import DEFAULT
 from photonormal.methods.albedo import lambertian_albedo
 from photonormal.synth.pathtraced import tracer
-from photonormal.synth.pathtraced.compare import lights
 from photonormal.synth.pathtraced.meshes import Triangles
 from photonormal.synth.pathtraced.objects import OBJECTS
 from photonormal.types import Capture, Normals
@@ -114,7 +114,7 @@ def rendered(kind: str, seed: int) -> Scene:
     )
     seen = tracer.look(scene, camera)
     mask = seen.mask & tracer.covered(scene, camera)
-    L = lights(24, 45.0 if g.random() < 0.5 else 20.0)
+    L = fibonacci_cap(24, 45.0 if g.random() < 0.5 else 20.0)
     full, direct = (tracer.trace(scene, camera, L, samples=64, bounces=k, seed=seed) for k in (5, 0))
     albedo, known = true_albedo(scene, camera, seen, L, direct)
     gain = g.uniform(0.5, 1.6) * np.array([g.uniform(0.7, 1.2), 1, g.uniform(0.6, 1.2)])

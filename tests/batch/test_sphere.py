@@ -57,7 +57,7 @@ def test_auto_takes_a_capture_s_own_lights_where_it_shows_no_sphere(season, tmp_
     assert code == 1 and err.count("\n") == 1 and "vase-1: " in err and "No sphere tells the lights either" in err
     assert "refused.png" not in err
     report = json.loads((tmp_path / "results" / "vase-0" / "report.json").read_text())
-    assert error_deg(tmp_path / "results", "vase-0") < 1 and "the capture's own were taken" in report["warnings"][-1]
+    assert error_deg(tmp_path / "results", "vase-0") < 1 and "own lights were used" in report["warnings"][-1]
 
 
 def test_measure_finds_lights_by_the_same_sphere(season, tmp_path, monkeypatch):

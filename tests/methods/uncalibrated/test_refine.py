@@ -166,7 +166,7 @@ def test_along_a_cylinder_lights_stay_as_they_were_given():
     given = capture.lights * [1, 1, 0.8] + [0.1, 0, 0]  # wrong across the cylinder alone
     found = refined(replace(capture, lights=normalised(given)))
     assert np.isfinite(found.lights).all() and abs(angle_deg(found.lights, normalised(given))).mean() < 10
-    assert found.notes[-1] == FLAT or "which are kept" in found.notes[0]
+    assert found.notes[-1] == FLAT or "are kept" in found.notes[0]
 
 
 def test_what_cannot_be_mended_is_refused(true):

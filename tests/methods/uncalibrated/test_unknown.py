@@ -167,5 +167,5 @@ def test_of_one_light_that_is_off_by_far_the_photograph_is_named_and_no_light_of
     L = true.known_lights().copy()
     L[7] = [0.0, 0.0, 1.0]
     (found,) = pn.check(replace(true, lights=L))
-    assert found.kind == "lights" and found.lights is None and "look at that photograph" in found.message
+    assert found.kind == "lights" and found.lights is None and "Look at that photograph" in found.message
     assert true.image_names[7] in found.message

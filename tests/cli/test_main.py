@@ -25,6 +25,8 @@ COMMAND = [sys.executable, "-c", "import sys; from photonormal_command import ma
         ("measuer a", "no command 'measuer'; perhaps measure is meant; choose from measure, score"),
         ("measure demo --out b --method wodham", "no method 'wodham'; perhaps woodham is meant; choose from"),
         ("", "Expected one of {measure, score"),
+        ("measure a --out b --prefer jpg", "no --prefer 'jpg'; perhaps jpeg is meant; choose from raw, jpeg, tiff"),
+        ("convert a --out b --frame opngl", "no --frame 'opngl'; perhaps opengl is meant; choose from"),
         ("render objcts --out b", "no recipe 'objcts'; perhaps objects is meant; choose from"),
         (
             "measure demo --out b --method a.safetensors",

@@ -36,6 +36,8 @@ def one_line(box: str, command: str = "") -> str:
     if wrong := re.match(rf"Error parsing (\S+): {NO_NUMBER}", told):
         needed = "a whole number" if wrong[2] or wrong[3] == "INT" else "a number"
         return f"{wrong[1]} {wrong[4][:LONGEST]!r} came but {needed} is needed; correct it."
+    if choice := re.match(r"invalid choice '(.*)' for argument '(--[\w-]+)'. Expected one of \((.*)\)", told):
+        return str(no_such(choice[2], choice[1], filter(None, re.findall(r"'([^']*)'", choice[3]))))
     if unknown := re.match(r"Unrecognized options: ([^-,;][^,;]*).*; Available subcommands: (.*)", told):
         return str(no_such("command", unknown[1], unknown[2].split(", ")))
     own = f"photonormal {command} --help" if command else "photonormal --help"

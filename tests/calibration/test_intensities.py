@@ -154,3 +154,15 @@ def test_exif_exposures_divide_the_pictures(tmp_path):
     plain, images = (pn.load(tmp_path, exif_exposure=divided).images for divided in (False, True))
     gain = [images[j].mean() / plain[j].mean() for j in range(3)]
     assert gain[1] / gain[0] == pytest.approx(2) and gain[2] / gain[0] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("boards", "gains"), [((50, 50, 50), (2, 0.5)), ((50, 100, 25), (1, 1))])
+def test_exposures_of_pictures_and_of_their_boards_both_count(tmp_path, boards, gains):
+    for j, exposed in enumerate(zip((50, 100, 25), boards, strict=True)):
+        for place, denominator in zip((tmp_path, tmp_path / "white"), exposed, strict=True):
+            place.mkdir(exist_ok=True)
+            jpeg(place / f"{j}.jpg", (1, denominator), level=128 + j)
+    np.savetxt(tmp_path / "light_directions.txt", [[0, 0, 1], [0.5, 0, 1], [0, 0.5, 1]])
+    plain, images = (pn.load(tmp_path, flat=tmp_path / "white", exif_exposure=e).images for e in (False, True))
+    gain = [images[j].mean() / plain[j].mean() for j in range(3)]
+    assert [gain[1] / gain[0], gain[2] / gain[0]] == pytest.approx(gains, rel=1e-4)

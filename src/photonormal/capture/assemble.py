@@ -121,7 +121,7 @@ def assemble(
     used, e = lit.pictures, lit.intensities
     boards = _boards(choice, lit, near=lamps is not None)
     if boards is not None:
-        e = np.ones((len(used), 1))  # they have them in them
+        e = _exposures(used, choice)  # the lights' intensities are in the boards
     frame = picture_size(used[0])
     crop = Crop.chosen(choice.crop, choice.scale, frame, str(choice.crop_file or "--crop"))
     margin = MARGIN if crop is None else MARGIN + ceil(1 / crop.scale)
@@ -219,9 +219,12 @@ def _lit(
         if listed.intensities is not None and intensities is None:
             intensities = listed.intensities[rows]
     e = _intensities(choice.intensities or intensities, [len(used), len(every), len(pictures)], order, chosen)
-    if choice.exif_exposure:
-        e = e * exposures([files_of(p)[0] for p in used])
-    return LitPictures(used, chosen, every, vectors, e, tuple(notes))
+    return LitPictures(used, chosen, every, vectors, e * _exposures(used, choice), tuple(notes))
+
+
+def _exposures(pictures: Sequence[Picture], choice: Choice) -> np.ndarray:
+    """By which the pictures are divided, (n, 1): as their Exif says where the user asks for it, else 1."""
+    return exposures([files_of(p)[0] for p in pictures]) if choice.exif_exposure else np.ones((len(pictures), 1))
 
 
 def _listed(lights: np.ndarray | Listed | None, choice: Choice) -> Listed | None:
@@ -296,7 +299,7 @@ def corrected(
     dark = read_frame(choice.dark, shape, "dark frame", encoding) if choice.dark else None
     flat = None
     if flats is not None:
-        flat = FlatFields(flats[0], shape, dark, encoding, flats[1])
+        flat = FlatFields(flats[0], shape, dark, encoding, flats[1], _exposures(flats[0], choice)[:, 0])
     elif choice.flat:
         flat = flat_field(read_frame(choice.flat, shape, "flat field", encoding, MOST_WHITE), dark, choice.flat)
     hot = None

@@ -153,6 +153,7 @@ class FlatFields:
     dark : their dark level, or None
     encoding : the photographs', see `read_frame`
     cosines : (n,) of the lights and the camera's axis, which the board shows too; or None
+    exposures : (n,) of the board's pictures
     """
 
     def __init__(
@@ -162,8 +163,9 @@ class FlatFields:
         dark: np.ndarray | None,
         encoding: Encoding,
         cosines: Float[np.ndarray, " n"] | None,
+        exposures: Float[np.ndarray, " n"],
     ):
-        self.paths, self.shape, self.dark, self.encoding = paths, shape, dark, encoding
+        self.paths, self.shape, self.dark, self.encoding, self.exposures = paths, shape, dark, encoding, exposures
         self.cosines = np.ones(len(paths)) if cosines is None else cosines
         medians = [float(np.median(self._level(j))) for j in range(len(paths))]
         black = [path for path, middle in zip(paths, medians, strict=True) if middle <= 0]
@@ -184,7 +186,7 @@ class FlatFields:
 
     def _level(self, j: int) -> np.ndarray:
         level = read_frame(self.paths[j], self.shape, "flat field", self.encoding, MOST_WHITE)
-        return level if self.dark is None else np.maximum(level - self.dark, 0)
+        return (level if self.dark is None else np.maximum(level - self.dark, 0)) / np.float32(self.exposures[j])
 
 
 def hot_pixels(level: Float[np.ndarray, "h w c"]) -> Bool[np.ndarray, "h w"]:

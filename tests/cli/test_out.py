@@ -1,6 +1,7 @@
 """The photographs' own folder as the place of the results, however it is named: nothing of the user's is ever lost."""
 
 import os
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -91,3 +92,16 @@ def test_the_photographs_own_folder(home, capsys, way, command):
         if way == "a bind mount":
             subprocess.run(["umount", out], check=True)
     assert not [name for name in os.listdir(home / "photos") if "partial" in name]
+
+
+@pytest.mark.parametrize("words", ["integrate normals.png --out mesh.ply", "convert ../mine.png --out normals.png"])
+def test_maps_are_not_written_over_files_of_a_result(tmp_path, monkeypatch, capsys, words):
+    """Neither with --overwrite, nor where the map that is read is none of that result."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["measure", "demo", "--images", "1-4", "--out", "r", "--method", "woodham"]) == 0
+    shutil.copy(tmp_path / "r" / "normals.png", tmp_path / "mine.png")
+    before = digests(tmp_path)
+    monkeypatch.chdir(tmp_path / "r")
+    assert cli.main([*words.split(), "--overwrite"]) == REFUSED
+    assert "belongs to a result, and is not written over" in capsys.readouterr().err
+    assert digests(tmp_path) == before

@@ -122,12 +122,14 @@ class Integrate:
     def __call__(self) -> int:
         from photonormal.disk import refuse_taken
         from photonormal.export import save
+        from photonormal.export.folder import result_files
         from photonormal.export.pictures import read_colours
         from photonormal.integration import integrate
         from photonormal.measurement import read_camera
         from photonormal.progress import progress
 
-        refuse_taken([self.out], self.overwrite, [p for p in (self.normals, self.mask, self.albedo) if p is not None])
+        read = [p for p in (self.normals, self.mask, self.albedo) if p is not None]
+        refuse_taken([self.out], self.overwrite, [*read, *result_files(self.out.parent)])
         if self.tile and self.method != "quadratic":
             raise InputError(f"--tile and --method {self.method} came but a tile has a method of its own; give one.")
         normals = self.reading.normals(self.normals, self.frame, self.mask)
@@ -162,7 +164,9 @@ class Convert:
     def __call__(self) -> int:
         from photonormal.disk import refuse_taken
         from photonormal.export import save
+        from photonormal.export.folder import result_files
 
-        refuse_taken([self.out], self.overwrite, [p for p in (self.normals, self.mask) if p is not None])
+        read = [p for p in (self.normals, self.mask) if p is not None]
+        refuse_taken([self.out], self.overwrite, [*read, *result_files(self.out.parent)])
         print(save(self.reading.normals(self.normals, self.from_frame, self.mask), self.out, frame=self.frame))
         return 0

@@ -51,9 +51,9 @@ def identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
 
 
 def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] = (), option: str = "--out") -> None:
-    """InputError where a file to be written is a folder, exists without `overwrite`, or is one of the files read.
+    """InputError where a file to be written is a folder, exists without `overwrite`, or is one of `reads`.
 
-    `option` is what the user names the file by.
+    These are files that are read, or belong to a result. `option` is what the user names the file by.
     """
     used = identities(reads)
     for path in paths:
@@ -66,7 +66,9 @@ def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] =
         if path.is_dir():
             raise InputError(f"{path} is a folder but a file is to be written there; choose another {option}.")
         if identities([path]) & used:
-            raise InputError(f"{path} is read here and is not written over; choose another {option}.")
+            raise InputError(
+                f"{path} is read here, or belongs to a result, and is not written over; choose another {option}."
+            )
         if not overwrite:
             raise InputError(f"{path} exists; choose another {option}, or add --overwrite to replace it.")
 

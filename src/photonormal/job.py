@@ -256,7 +256,7 @@ def _read(job: Job, opened: dict[Path, Opened]) -> tuple[Capture, dict[str, Any]
             refusal = str(error).removesuffix(f" {lights.with_name('sphere_refused.png')} shows it.")
             if job.sphere != AUTO:
                 raise InputError(refusal) from None
-            note = f"no sphere was found, so the capture's own lights were used: {refusal}"
+            note = f"no sphere gave lights, so the capture's own lights were used: {refusal}"
             try:
                 return load(job.capture, **reading), reading, Calibrated(notes=[note])
             except InputError as error:

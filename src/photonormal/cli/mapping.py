@@ -91,6 +91,14 @@ def scored_lights(known: Capture, result: Path) -> dict[str, float] | None:
     return score_lights(directions, known.lights, None if e is None else np.array(e, float), true).as_dict()
 
 
+def refuse_unwritable(out: Path, overwrite: bool, *read: Path | None) -> None:
+    """InputError where the file can't be written: it exists without `overwrite`, is read, or belongs to a result."""
+    from photonormal.disk import refuse_taken
+    from photonormal.export.folder import result_files
+
+    refuse_taken([out], overwrite, [*(p for p in read if p is not None), *result_files(out.parent)])
+
+
 @dataclass(frozen=True)
 class Integrate:
     """Turn a normal map into depth, heights or a mesh."""
@@ -120,16 +128,13 @@ class Integrate:
     reading: OmitArgPrefixes[Reading] = Reading()
 
     def __call__(self) -> int:
-        from photonormal.disk import refuse_taken
         from photonormal.export import save
-        from photonormal.export.folder import result_files
         from photonormal.export.pictures import read_colours
         from photonormal.integration import integrate
         from photonormal.measurement import read_camera
         from photonormal.progress import progress
 
-        read = [p for p in (self.normals, self.mask, self.albedo) if p is not None]
-        refuse_taken([self.out], self.overwrite, [*read, *result_files(self.out.parent)])
+        refuse_unwritable(self.out, self.overwrite, self.normals, self.mask, self.albedo)
         if self.tile and self.method != "quadratic":
             raise InputError(f"--tile and --method {self.method} came but a tile has a method of its own; give one.")
         normals = self.reading.normals(self.normals, self.frame, self.mask)
@@ -162,11 +167,8 @@ class Convert:
     reading: OmitArgPrefixes[Reading] = Reading()
 
     def __call__(self) -> int:
-        from photonormal.disk import refuse_taken
         from photonormal.export import save
-        from photonormal.export.folder import result_files
 
-        read = [p for p in (self.normals, self.mask) if p is not None]
-        refuse_taken([self.out], self.overwrite, [*read, *result_files(self.out.parent)])
+        refuse_unwritable(self.out, self.overwrite, self.normals, self.mask)
         print(save(self.reading.normals(self.normals, self.from_frame, self.mask), self.out, frame=self.frame))
         return 0

@@ -121,7 +121,8 @@ def assemble(
     used, e = lit.pictures, lit.intensities
     boards = _boards(choice, lit, near=lamps is not None)
     if boards is not None:
-        e = _exposures(used, choice)  # the lights' intensities are in the boards
+        e = np.ones((len(used), 1))  # they have them in them
+    e = e * _exposures(used, choice)
     frame = picture_size(used[0])
     crop = Crop.chosen(choice.crop, choice.scale, frame, str(choice.crop_file or "--crop"))
     margin = MARGIN if crop is None else MARGIN + ceil(1 / crop.scale)
@@ -219,7 +220,7 @@ def _lit(
         if listed.intensities is not None and intensities is None:
             intensities = listed.intensities[rows]
     e = _intensities(choice.intensities or intensities, [len(used), len(every), len(pictures)], order, chosen)
-    return LitPictures(used, chosen, every, vectors, e * _exposures(used, choice), tuple(notes))
+    return LitPictures(used, chosen, every, vectors, e, tuple(notes))
 
 
 def _exposures(pictures: Sequence[Picture], choice: Choice) -> np.ndarray:

@@ -177,16 +177,16 @@ class FlatFields:
                 f"the light of the flat field {paths[j]} lies {np.degrees(np.arccos(self.cosines[j])):.0f} degrees off "
                 "the camera's axis, so it does not reach a board that faces the camera; leave that light out."
             )
-        self.middle = float(np.mean(medians))
+        self.middle = float(np.mean(medians / exposures))
 
     def __call__(self, j: int) -> np.ndarray:
         """(h, w, 1 or c); infinite where the board shows nothing, so that nothing is told there."""
-        level = self._level(j) / self.middle
+        level = self._level(j) / (self.middle * float(self.exposures[j]))
         return np.where(level > LEAST_FLAT * np.median(level), level / self.cosines[j], np.inf)
 
     def _level(self, j: int) -> np.ndarray:
         level = read_frame(self.paths[j], self.shape, "flat field", self.encoding, MOST_WHITE)
-        return (level if self.dark is None else np.maximum(level - self.dark, 0)) / np.float32(self.exposures[j])
+        return level if self.dark is None else np.maximum(level - self.dark, 0)
 
 
 def hot_pixels(level: Float[np.ndarray, "h w c"]) -> Bool[np.ndarray, "h w"]:

@@ -112,6 +112,24 @@ def test_it_tells_where_the_page_is_and_ends_without_a_word(result):
         assert process.communicate(timeout=60) == ("", "") and process.returncode == 130
 
 
+INTERRUPTED_EARLY = """
+import asyncio, signal, sys
+from photonormal_command import main
+begin = asyncio.BaseEventLoop.__init__
+def interrupted(self):
+    signal.raise_signal(signal.SIGINT)
+    begin(self)
+asyncio.BaseEventLoop.__init__ = interrupted
+sys.exit(main())
+"""
+
+
+def test_an_interrupt_while_it_begins_ends_it_without_a_word(result):
+    command = [sys.executable, "-c", INTERRUPTED_EARLY, "view", str(result), "--no-browser"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    assert done.stdout.startswith(f"http://{HOST}:") and done.stderr == "" and done.returncode == 130
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="the browser is a shell script")
 def test_a_browser_that_takes_the_terminal_is_answered(result, tmp_path):
     script = f"""#!{sys.executable}

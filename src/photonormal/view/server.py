@@ -105,10 +105,11 @@ def serve(make: Callable[[str], FastAPI], port: int = 0, browser: bool = True) -
         raise InputError(f"port {port} is taken or not allowed; choose another --port, or leave it out.") from None
     address = f"http://{HOST}:{listening.getsockname()[1]}/{token}/"
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", access_log=False))
-    print(address, flush=True)
-    if browser:  # beside the server: some browsers, as those of a terminal, come back when they are closed
-        Thread(target=_open, args=(address,), daemon=True).start()
-    server.run(sockets=[listening])
+    with server.capture_signals():  # from the moment that the user can read the address
+        print(address, flush=True)
+        if browser:  # beside the server: some browsers, as those of a terminal, come back when they are closed
+            Thread(target=_open, args=(address,), daemon=True).start()
+        server.run(sockets=[listening])
 
 
 def _open(address: str) -> None:

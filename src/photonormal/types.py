@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.arrays import UNITS as UNITS
 from photonormal.arrays import as_array, as_images, as_mask, unit_of
 from photonormal.errors import InputError as InputError
 from photonormal.errors import MachineLimit as MachineLimit
@@ -54,8 +55,9 @@ class Capture:
     Parameters
     ----------
     images : (n, h, w, c), c is 1 or 3, or (n, h, w); an array or a list of pictures, of floats, or of uint8 or uint16,
-        which are linear and become 1 at full scale; or an object that decodes the pictures one by one. Floats whose
-        brightest sample is above 1e12 or below 1e-6 are divided by it
+        which are linear and become 1 at full scale; or an object that decodes the pictures one by one. Floats of an
+        array whose brightest sample is above 1e12 or below 1e-6 are divided by it; an object's above 1e12 are refused
+        when they are measured
     mask : (h, w) bool, True on the object; of numbers, what is more than half of the largest. None: all pixels
     lights : (n, 3), any length but zero; kept as unit vectors. None: unknown. Of `lamps`, as seen from the object's
         middle, whatever is given

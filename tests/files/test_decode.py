@@ -287,7 +287,7 @@ class TestNpy:
         np.save(tmp_path / "a.npy", picture)
         assert "needed" in refusal(decode, tmp_path / "a.npy")
 
-    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300])
+    @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300, 1e20, -1e20])
     def test_samples_that_are_no_number(self, tmp_path, value):
         picture = samples(0, np.float64)
         picture[3, 4, 1] = value

@@ -18,7 +18,7 @@ from photonormal.files import memory
 from photonormal.files.chatter import heard
 from photonormal.files.header import Header, damaged
 from photonormal.files.opening import open_file, reason_of, size_of
-from photonormal.types import InputError, in_pixels
+from photonormal.types import UNITS, InputError, in_pixels
 
 RAW = {".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef"}
 KINDS = {  # suffix -> module, imported when it is needed
@@ -174,7 +174,10 @@ def _checked(picture: np.ndarray, path: Path, finite: bool) -> np.ndarray:
     if kind.kind == "f":
         with np.errstate(over="ignore"):
             picture = picture.astype(np.float32, copy=False)
-        if finite and not np.isfinite(picture).all():
-            raise InputError(f"picture {path} holds NaN, infinite or huge samples; export it again without them.")
+        if finite and not -UNITS[1] <= picture.min() <= picture.max() <= UNITS[1]:  # nor where one is NaN
+            raise InputError(
+                f"picture {path} holds samples that are NaN, infinite or beyond {UNITS[1]:g}, which is too much for "
+                "single precision; export it again without them, or divide all pictures by one number."
+            )
         return picture
     raise InputError(f"picture {path} holds {kind} but 8 or 16-bit integers or floats are needed; convert it.")

@@ -76,7 +76,8 @@ def robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[
         off /= np.maximum(BELOW * shown, 1e-9)
         above = off * (BELOW / ABOVE)
         np.maximum(above, np.negative(off, out=off), out=off)
-        off *= off
+        with np.errstate(over="ignore"):  # of large samples where no light is due; they weigh nothing
+            off *= off
         off += 1
         rho = _least_squares(channels, S, np.divide(S, off, out=off))
         level = rho.mean(-1, keepdims=True)

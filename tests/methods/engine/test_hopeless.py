@@ -27,6 +27,25 @@ def test_it_is_refused(command, capture, said):
     assert "\n" not in str(told.value)
 
 
+class OneByOne:
+    """Pictures that are read one at a time."""
+
+    def __init__(self, images):
+        self.images, self.shape = images, images.shape
+
+    def __getitem__(self, j):
+        return self.images[j]
+
+
+@pytest.mark.parametrize(
+    ("method", "how"), [("woodham", "given"), ("woodham", "unknown"), ("woodham", "refined"), ("sdps", "given")]
+)
+def test_pictures_in_a_unit_whose_squares_overflow(method, how):
+    huge = replace(BALL, images=OneByOne(BALL.images * np.float32(1e20)))
+    with pytest.raises(pn.InputError, match=r"reach .*e\+\d+ but single precision needs 1e\+12 or less"):
+        pn.measure(huge, method, lights=how)
+
+
 def test_one_picture_that_differs_is_enough_to_go_on():
     """However little it is: then normals are wrong, but the photographs say why (`photonormal.check`)."""
     images = np.full_like(BALL.images, 0.5)

@@ -36,8 +36,9 @@ def prepared(method: Method, capture: Capture) -> Capture:
     """
     from photonormal.methods.engine.cutoff import given_back
     from photonormal.methods.engine.evened import evened
-    from photonormal.methods.engine.looks import refuse_alike
+    from photonormal.methods.engine.looks import refuse_alike, refuse_huge
 
+    refuse_huge(capture)
     if not method.needs.lights:
         return capture
     refuse_alike(capture)

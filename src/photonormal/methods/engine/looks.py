@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 
 from photonormal.masked import CLOSE, box_of, thinned
-from photonormal.types import Capture, InputError, window_of
+from photonormal.types import UNITS, Capture, InputError, window_of
 
 PIXELS, ROWS = 3000, 24  # looked at, on so many rows
 
@@ -40,13 +40,20 @@ def of_some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np
     return np.stack(capture.each_image(of_image))
 
 
+def refuse_huge(capture: Capture) -> None:
+    """InputError where pictures that are decoded one by one are in a unit too small for squares of their samples."""
+    brightest = float(_middle(capture, 0).max(initial=0))
+    if brightest > UNITS[1]:
+        raise InputError(
+            f"the pictures of {capture.name} reach {brightest:.3g} but single precision needs {UNITS[1]:g} or less; "
+            "divide all of them by one number."
+        )
+
+
 def refuse_alike(capture: Capture) -> None:
     """InputError where all pictures show the same, whatever their light, and not just black."""
-    n, lines = capture.images.shape[0], np.flatnonzero(capture.mask.any(1))
-    middle = slice(int(lines[len(lines) // 2]), int(lines[len(lines) // 2]) + 1), slice(0, capture.mask.shape[1])
-    inside = capture.mask[middle]
-    first = capture.window(0, *middle)[inside]
-    if not first.any() or any((capture.window(j, *middle)[inside] != first).any() for j in range(1, n)):
+    n, first = capture.images.shape[0], _middle(capture, 0)
+    if not first.any() or any((_middle(capture, j) != first).any() for j in range(1, n)):
         return  # as a rule the second picture tells
     shown = of_some(capture, lambda samples, j: samples)
     if (shown == shown[0]).all():
@@ -54,3 +61,10 @@ def refuse_alike(capture: Capture) -> None:
             f"all {n} pictures of {capture.name} show the same but each needs a light of its own; give photographs "
             "under different lights."
         )
+
+
+def _middle(capture: Capture, j: int) -> Float[np.ndarray, "p c"]:
+    """Samples of picture `j` at the mask's pixels of its middle row."""
+    lines = np.flatnonzero(capture.mask.any(1))
+    row = int(lines[len(lines) // 2])
+    return capture.window(j, slice(row, row + 1), slice(0, capture.mask.shape[1]))[capture.mask[row : row + 1]]

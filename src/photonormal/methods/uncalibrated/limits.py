@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from photonormal.methods.engine.looks import refuse_huge
 from photonormal.types import Capture, InputError
 
 LEAST = 6  # photographs; of fewer any lights explain nearly everything
@@ -15,6 +16,7 @@ SPREAD_DEG = 4.0  # of lights, in the direction in which they differ least, belo
 def check_findable(capture: Capture) -> None:
     """InputError where lights can't be found from the photographs."""
     n = capture.images.shape[0]
+    refuse_huge(capture)
     if capture.lamps is not None:
         raise InputError(
             f"{capture.name} has near lights but only distant ones can be found from its photographs; leave "

@@ -16,23 +16,21 @@ from pathlib import Path
 
 import torch
 
-import photonormal
 from photonormal.capture.lights import read_lights
-from photonormal.disk import at_once, refuse_taken
 from photonormal.methods.engine.prior import prior_named
-from photonormal.methods.learned.processor import computing_in, keep_freed_memory
+from photonormal.methods.learned.processor import keep_freed_memory
 from photonormal.methods.learned.weights import checksum, load_network
 from photonormal.options import Count, Positive, Precision, check_value
 from photonormal.train import checkpoint, recipes
-from photonormal.train.card import command, device_name, export
+from photonormal.train.card import command
 from photonormal.train.disk import Disk
-from photonormal.train.journal import NAME as JOURNAL
-from photonormal.train.journal import TrainingRecord, refuse_foreign
+from photonormal.train.journal import TrainingRecord
 from photonormal.train.launch import agreed, launched
 from photonormal.train.learner import Learner
+from photonormal.train.output import Output, started
 from photonormal.train.recipes import Recipe, for_rig
 from photonormal.train.replay import replayed
-from photonormal.train.validate import examined, on_real, on_rendered
+from photonormal.train.validate import examined
 from photonormal.types import InputError
 
 log = logging.getLogger(__name__)
@@ -130,41 +128,24 @@ def train(
     batches = replayed(source, step * recipe.accumulate, recipe)
     exams = examined(stream, fabric.device, recipe, minutes) if rank == 0 else {}
     exams |= disk.exams(recipe.batch, fabric.device) if disk and rank == 0 else {}
-    angle = recipe.loss if learner.net.learns == "normals" else ""  # of which the journal tells the angle
-    journal = TrainingRecord(out, step, steps, minutes, angle) if rank == 0 else None
+    output = None
+    if rank == 0:
+        angle = recipe.loss if learner.net.learns == "normals" else ""  # of which the journal gives the angle
+        journal = TrainingRecord(out, step, steps, minutes, angle)
+        output = Output(out, learner, journal, exams, learned_from, precision, save_seconds)
     fabric.barrier()
     clock = clock or time.monotonic
-    start, saved = clock(), time.monotonic()
+    start = clock()
 
-    def validated() -> dict[str, dict[str, float]]:
-        """Errors on every exam and on the real objects, written into the journal."""
-        assert journal is not None
-        shown = learner.shown()
-        with computing_in(precision):
-            found = {kind: on_rendered(shown, exam, recipe) for kind, exam in exams.items()}
-            found["real"] = on_real(shown, fabric.device, recipe)
-        for kind, errors in found.items():
-            journal.write(step, kind, errors)
-        return found
-
-    def finish_step(last: bool) -> None:
-        """What the first process writes down after a step."""
-        nonlocal saved
-        assert journal is not None
-        now = time.monotonic()
-        if last or now - saved >= save_seconds:
-            told = {"step": step, "seconds": before + clock() - start, "recipe": recipe.as_dict()}
-            told |= {"precision": precision, "data": learned_from}
-            checkpoint.save(out, told | learner.state() | version())
-            saved = now
-        if step % recipe.validate == 0 and not last:
-            validated()
+    def learned() -> float:
+        """Seconds of learning, those before a checkpoint counted in."""
+        return before + clock() - start
 
     first = look = step  # at the clock
     spent = 0.0
     while step < steps:
         if step == look:
-            seconds = torch.tensor(before + clock() - start, device=fabric.device)
+            seconds = torch.tensor(learned(), device=fabric.device)
             seconds = float(fabric.all_reduce(seconds, reduce_op="max"))  # all processes stop at the same step
             look += max(1, min(CLOCK, int((step - first) / max(seconds - before, 1e-6))))
             spent = seconds / 60
@@ -174,43 +155,19 @@ def train(
         share = recipe.share(step, fraction)
         loss = learner.step(batches, step, share)
         step += 1
-        if journal:
-            journal.step(step, fraction, loss, share * recipe.lr, recipe.batch * recipe.accumulate)
-            finish_step(last=False)
-    path = out / f"{name}.safetensors"
-    if journal:
-        finish_step(last=True)
-        spent = (before + clock() - start) / 60
-        log.info("learned for %.2f minutes, to step %d; exams follow", spent, step)
-        told = {
-            "recipe": recipe.as_dict(),
-            "data": learned_from,
-            "network": recipe.network,
-            "steps": step,
-            "minutes": spent,
-            "errors": validated(),
-        }
-        told |= {
+        if output:
+            output.journal.step(step, fraction, loss, share * recipe.lr, recipe.batch * recipe.accumulate)
+            output.finish_step(step, learned)
+    if output:
+        output.save(step, seconds := learned())
+        log.info("learned for %.2f minutes, to step %d; exams follow", seconds / 60, step)
+        origin = {
             "command": command(called, out, minutes, steps, world, recipe.seed, start_from, name, data, lights),
             "began_with": checksum(Path(start_from)) if start_from else "random weights",
-            "device": f"{world} x {device_name(fabric.device)}",
-            "precision": precision,
         }
-        export(out, name, learner.shown(), told | version())
-        journal.close()
+        output.finish(name, step, seconds, origin)
     fabric.barrier()
-    return path
-
-
-def started(out: Path, name: str) -> None:
-    """Make the folder of a training; refuses to write over another one, or over anything else."""
-    if (out / checkpoint.NAME).exists():
-        raise InputError(f"{out} already holds a training; resume it with --resume or choose another folder.")
-    if name != Path(name).name:
-        raise InputError(f"--name {name} came but a name without folders is needed; give that.")
-    with at_once(out):
-        refuse_taken([out / f"{name}.safetensors", out / f"{name}.md"], overwrite=False)
-        refuse_foreign(out / JOURNAL)
+    return out / f"{name}.safetensors"
 
 
 def rendered() -> Callable[..., Iterable]:
@@ -218,8 +175,3 @@ def rendered() -> Callable[..., Iterable]:
     from photonormal.synth import Stream
 
     return Stream
-
-
-def version() -> dict[str, str]:
-    """The software that trains."""
-    return {"photonormal": photonormal.__version__, "torch": str(torch.__version__)}

@@ -7,6 +7,8 @@ import torch
 from photonormal import Capture, InputError, Normals, load, solve
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, rotation_about_view
 from photonormal.methods import method_class
+from photonormal.methods.classical import rpca
+from photonormal.methods.inputs import blocks
 from photonormal.shading import cosines, shade
 
 NEEDS = {  # method: how many lights
@@ -222,6 +224,28 @@ def test_runs_on_as_few_lights_as_it_says(method, least):
     if least > 3:
         with pytest.raises(InputError, match=rf"{least - 1} images came but {method} needs {least} or more lights"):
             solve(sphere(cone(least - 1)), method, device="cpu")
+
+
+def test_of_many_pictures_only_the_singular_values_that_remain_are_found(monkeypatch):
+    """A hand-held video has thousands of pictures: eigenvectors of a matrix of their number would take hours."""
+    random = torch.Generator().manual_seed(0)
+    M = torch.randn(80, 5, generator=random) @ torch.randn(5, 700, generator=random)
+    M = M + 0.01 * torch.randn(80, 700, generator=random)
+    U, S, V = torch.linalg.svd(M, full_matrices=False)
+    sizes, eigh = [], torch.linalg.eigh
+    monkeypatch.setattr(torch.linalg, "eigh", lambda A: sizes.append(len(A)) or eigh(A))
+    shrunk = rpca.shrink_singular_values(M, S[2].view(1, 1))
+    assert torch.allclose(shrunk, U @ (V * (S - S[2]).clamp(min=0)[:, None]), atol=1e-4 * float(S[0]))
+    assert torch.allclose(rpca.spectral_norm(M), S[0], rtol=1e-5)
+    assert max(sizes) < 100
+
+
+def test_pairs_of_lights_are_drawn_once_for_all_blocks_of_pixels(monkeypatch):
+    listed = []
+    monkeypatch.setattr(torch, "triu_indices", lambda n, *of: listed.append(n) or torch.ones(n, n).triu(1).nonzero().T)
+    monkeypatch.setitem(blocks.BLOCK, "cpu", 100 * 95)
+    solve(sphere(cone(95)), "consensus", device="cpu")
+    assert listed == [95]
 
 
 def every(capture: Capture, step: int) -> Capture:

@@ -15,14 +15,18 @@ from photonormal.methods.inputs.grey import lit
 from photonormal.options import Effort, Positive
 from photonormal.shading import normalised
 
+FEW = 512  # images up to which all singular vectors are found; of more only those that are needed:
+RANK = 16  # so many at first
+PASSES = 4  # of subspace iteration
+
 
 @dataclass(frozen=True)
 class RPCA:
     """min |A|_* + lambda |E|_1 with D = A + E on the lit samples, over all pixels at once; then n ~ A L^+.
 
     A is the matt part of the images D, of low rank; E are its sparse highlights; shadows count as missing. By the
-    inexact augmented Lagrangian of Lin, Chen and Ma (2009), a Gram matrix in place of the singular value decomposition.
-    Needs 4 lights.
+    inexact augmented Lagrangian of Lin, Chen and Ma (2009), a Gram matrix in place of the singular value decomposition;
+    of more than 512 images within the span of the largest singular vectors. Needs 4 lights.
 
     Parameters
     ----------
@@ -54,7 +58,7 @@ class RPCA:
     def low_rank(self, D: Float[Tensor, "*b p n"], keep: Bool[Tensor, "*b p n"]) -> Float[Tensor, "*b p n"]:
         """A of D = A + E, where samples not to `keep` are missing. U is the multiplier divided by mu."""
         size = (-2, -1)
-        norm = torch.linalg.eigvalsh(gram(D))[..., -1:, None].clamp(min=1e-30).sqrt().to(D.dtype)  # |D|_2
+        norm = spectral_norm(D)
         p, n = D.shape[-2:]
         lam = self.sparsity * (1 + 20 / n) / max(p, n) ** 0.5
         mu = 1.25 / norm  # (*b, 1, 1)
@@ -82,9 +86,33 @@ def gram(M: Float[Tensor, "*b p n"]) -> Float[Tensor, "*b n n"]:
     return (M.transpose(-1, -2) @ M).double()
 
 
+def spectral_norm(M: Float[Tensor, "*b p n"]) -> Float[Tensor, "*b 1 1"]:
+    """The largest singular value."""
+    if M.shape[-1] > FEW:
+        M = M @ leading(M, torch.inf)
+    return torch.linalg.eigvalsh(gram(M))[..., -1:, None].clamp(min=1e-30).sqrt().to(M.dtype)
+
+
 def shrink_singular_values(M: Float[Tensor, "*b p n"], by: Float[Tensor, "*b 1 1"]) -> Float[Tensor, "*b p n"]:
     """U (S - by)_+ V^T of M = U S V^T, through the eigenvectors of M^T M, of which there are few."""
+    if M.shape[-1] > FEW:
+        Q = leading(M, by)
+        if Q.shape[-1] < M.shape[-1]:
+            return shrink_singular_values(M @ Q, by) @ Q.transpose(-1, -2)
     values, V = torch.linalg.eigh(gram(M))
     s = values.clamp(min=0).sqrt()  # (*b, n)
     kept = ((s - by[..., 0]).clamp(min=0) / s.clamp(min=1e-30))[..., None, :]
     return M @ ((V * kept) @ V.transpose(-1, -2)).to(M.dtype)
+
+
+def leading(M: Float[Tensor, "*b p n"], beyond: Float[Tensor, "*b 1 1"] | float) -> Float[Tensor, "*b n k"]:
+    """Orthonormal, the span of the right singular vectors whose values are `beyond` this, by subspace iteration."""
+    n, rank = M.shape[-1], RANK
+    while True:
+        Q = torch.randn(n, min(rank, n), generator=torch.Generator().manual_seed(0)).to(M)
+        for _ in range(PASSES):
+            Q = torch.linalg.qr(M.transpose(-1, -2) @ (M @ Q)).Q
+        least = torch.linalg.eigvalsh(gram(M @ Q))[..., :1, None].clamp(min=0).sqrt()
+        if rank >= n or bool((least < beyond).all()):
+            return Q
+        rank *= 2

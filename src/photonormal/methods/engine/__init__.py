@@ -77,10 +77,12 @@ def check_needs(method: Method, capture: Capture) -> None:
 
 def under_distant_lights(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
     """The same where no lamp is near; zero for a pixel that no light reached."""
-    from photonormal.methods.engine import halved, samples, stream
+    from photonormal.methods.engine import halved, narrow, samples, stream
 
     with nullcontext() if method.needs.optimises else torch.inference_mode():
         if isinstance(method, Streaming):
+            if narrow.is_narrow(capture):
+                return narrow.with_border(lambda wide: stream.streamed(method, wide, device), capture, rows)
             return (
                 halved.halved(method, capture, device)
                 if method.fast

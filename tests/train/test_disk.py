@@ -301,6 +301,13 @@ def test_sets_that_a_recipe_can_t_use(root, tmp_path):
         Disk([tmp_path / "objects"], RECIPE).check()
 
 
+@pytest.mark.parametrize("changes", [{"network": "lightsnet", "config": {}}, {"lights": "sdps-lights"}], ids=str)
+def test_lights_are_not_told_by_windows(root, tmp_path, changes):
+    with pytest.raises(InputError, match="lights are told by whole objects, of which it has windows; leave it out"):
+        run(tmp_path / "out", root, recipe=replace(RECIPE, priors=(), **changes))
+    assert not (tmp_path / "out").exists()
+
+
 def test_how_many_samples_were_checked_is_told(root, caplog):
     with caplog.at_level("INFO", sets.log.name):
         Disk([root, root], RECIPE).check()

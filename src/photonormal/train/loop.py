@@ -94,8 +94,8 @@ def train(
     for prior, _ in recipe.priors:
         if prior != "truth":
             prior_named(prior)
-    if data and recipe.rig:
-        raise InputError("--data came but a network for one rig learns from scenes under its lights; leave it out.")
+    if data and (reason := recipe.rendered_only):
+        raise InputError(f"--data came but {reason}; leave it out.")
     keep_freed_memory()
     disk = Disk(data, recipe) if data else None
     recipe = replace(recipe, reuse=1) if disk else recipe

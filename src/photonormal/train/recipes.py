@@ -111,6 +111,15 @@ class Recipe:
         n = self.images[1]
         return {"lights": (n, n)} | self.rendering | ({"directions": self.rig} if self.rig else {})
 
+    @property
+    def rendered_only(self) -> str:
+        """Why nothing but rendered scenes can be learned from; "": windows of samples on disk can, too."""
+        if self.rig:
+            return "a network for one rig learns from scenes under its lights"
+        if self.lights or self.network == "lightsnet":
+            return "lights are told by whole objects, of which it has windows"
+        return ""
+
     def share(self, step: int, fraction: float) -> float:
         """Share of the peak rate at a step, when `fraction` of the training, [0, 1), is done."""
         rise = min(1.0, (step + 1) / self.warmup) if self.warmup else 1.0

@@ -8,8 +8,6 @@ from photonormal.methods.learned.around import Level
 from photonormal.methods.learned.frame import tokens
 from photonormal.methods.learned.network import parameters
 from photonormal.methods.learned.normalnet import NormalNet
-from photonormal.methods.learned.weights import build
-from photonormal.types import InputError
 from tests.methods.small import small
 
 
@@ -134,9 +132,3 @@ def test_only_with_a_compass_neighbours_can_be_compared(compass):
 def test_levelled_features_have_one_size(scale):
     x = scale * torch.randn(2, 8, 4, 4, generator=torch.Generator().manual_seed(0))
     torch.testing.assert_close(Level()(x).square().mean(1), torch.ones(2, 4, 4), atol=1e-3, rtol=0)
-
-
-def test_what_is_retired_is_read_as_it_always_was():
-    assert build("normalnet", {"turn": True, "tilt": False, "blocks": 0}).config == NormalNet().config
-    with pytest.raises(InputError, match="normalnet weights with tilt=True can't be used any more"):
-        build("normalnet", {"tilt": True})

@@ -57,8 +57,6 @@ class NormalNetConfig:
     level : bring a pixel's features to one root mean square wherever the network begins to look around
     """
 
-    RETIRED: ClassVar[dict[str, object]] = {"turn": True, "tilt": False, "blocks": 0}  # in weights files, always so
-
     prior: str = "trimmed"
     hidden: int = 64
     features: int = 128

@@ -42,11 +42,6 @@ LIGHTS = "sdps-lights"  # the weights there that tell lights
 def build(network: str, config: dict) -> Any:
     """A network by its name in NETWORKS and the fields of its config, freshly initialised."""
     cls = lookup(by_name("network", network, NETWORKS))
-    retired = getattr(cls.Config, "RETIRED", {})  # options of earlier versions, and what they have to be
-    for name in sorted(set(config) & set(retired)):
-        if config[name] != retired[name]:
-            raise InputError(f"{network} weights with {name}={config[name]} can't be used any more; train new ones.")
-    config = {name: value for name, value in config.items() if name not in retired}
     known = {f.name for f in dataclasses.fields(cls.Config)}
     if unknown := sorted(set(config) - known):
         raise InputError(f"network {network} has no option {unknown[0]!r}; it has {', '.join(sorted(known))}.")

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from photonormal.types import Normals
 from photonormal.view import show
 from photonormal.view.page import read
 from tests.browser import CHROMIUM, DRIVER, MISSING, Browser
@@ -145,6 +146,20 @@ def test_a_line_tells_the_sphere_s_height(window, result):
     assert abs(length - 1.8 * radius) < 3 and abs(range_ - radius * (1 - (1 - 0.81) ** 0.5)) < 0.08 * radius
     b.click("#clear")
     assert not b.run("return document.getElementById('profile').checkVisibility()")
+
+
+@pytest.mark.parametrize("shape", [(1, 40), (40, 1), (1, 1)])
+def test_the_surface_of_one_row_is_seen(desk, tmp_path, shape):
+    normals = Normals(np.broadcast_to(np.float32([0, 0, 1]), (*shape, 3)), np.ones(shape, bool))
+    heights = np.arange(40.0)[: shape[0] * shape[1]].reshape(shape) / 8
+    path, _ = show.export_page(write_result(tmp_path / "thin", heights, normals), tmp_path / "page.html")
+    desk.open(path.as_uri())
+    desk.click('[data-value="surface"]')
+    desk.settle()
+    desk.wait("return page.panes[0].surface?.count > 0")
+    desk.settle()
+    shown = desk.picture()[100:800, 100:1000].astype(int)
+    assert (np.abs(shown - shown[0, 0]).max(-1) > 40).sum() > 300 and desk.errors() == []
 
 
 def test_the_surface_turns_and_is_measured(window):

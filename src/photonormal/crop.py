@@ -1,4 +1,4 @@
-"""Which part of the photographs a capture shows, and how much smaller; what is told in pixels follows."""
+"""Which part of the photographs a capture shows, and how much smaller; whatever is given in pixels follows."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from photonormal.methods.contract import Solution
 
 PROVENANCE = "provenance"  # in a report
-WITHOUT_EFFECT = {"capture", "out", "method", "fast", "device", "overwrite"}  # on values, or told by `made`
+WITHOUT_EFFECT = {"capture", "out", "method", "fast", "device", "overwrite"}  # on values, or part of `made`
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,7 @@ def carry_out(
 
     Parameters
     ----------
-    read : is told the files that are opened, also where this fails
+    read : is called with the files that are opened, also where this fails
     parts : of all its rows, where other processes have solved them
     beside : gives more files of the result, of `photonormal.export.folder.NAMES`, by name
 

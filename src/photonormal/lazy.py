@@ -15,7 +15,7 @@ class Images(Protocol):
     """`n` pictures of one size, read one at a time: a float32 array (n, h, w, c), or files decoded when asked for.
 
     Those that can read a part of one alone have ``window(j, rows, columns)``, which `window_of` asks; `rows` may be
-    every second or third of them. Those whose samples were changed after the sensor cut them off tell by
+    every second or third of them. Those whose samples were changed after the sensor cut them off show by
     ``saturated(j, rows, columns)`` where it did, as `Capture.saturated` does; None: by their level alone.
     """
 

@@ -13,7 +13,7 @@ from photonormal.types import Capture, Image, Images, saturated_in, window_of
 
 @dataclass(frozen=True)
 class FoundLights:
-    """What the photographs of an object tell of its lights.
+    """What the photographs of an object show of its lights.
 
     Parameters
     ----------

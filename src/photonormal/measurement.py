@@ -55,14 +55,14 @@ def measure(
     K : (3, 3) camera matrix of the whole photographs, pixels, for a perspective surface; None: the capture's own, if it
         has one
     albedo : whether to find it, which takes lights, given or found by the method; so do expected errors. With depth,
-        light that parts of the surface send each other is taken out where it can be told
-    expected_error : whether to tell how far each normal is expected to be off
+        light that parts of the surface send each other is taken out where it can be found
+    expected_error : whether to estimate by how much each normal may be wrong
     examine : whether to look for faults of the photographs and lights (`photonormal.check`), the report's warnings
     precision : what networks compute in, "float32" or "bf16"; "auto": bf16 where the machine has instructions for it
     lights : "given"; "refined": the capture's lights may be off by some degrees each and are mended by what the
         photographs show; "unknown": the capture's are not looked at, all is found from the photographs, intensities,
         too (`photonormal.methods.uncalibrated`)
-    materials : whether to tell what the surface is made of (`photonormal.materials`), which takes lights
+    materials : whether to estimate what the surface is made of (`photonormal.materials`), which takes lights
     parts : what the method has found of rows of this capture, where other processes solved it
         (`photonormal.methods.engine.parts`)
 
@@ -217,7 +217,7 @@ def _solved(
 
 
 def _told_of(capture: Capture, normals: Normals) -> dict[str, Any]:
-    """What a report tells of the capture and of its normals."""
+    """What a report says of the capture and of its normals."""
     inside, measured = int(capture.mask.sum()), int(normals.mask.sum())
     told: dict[str, Any] = {
         "capture": capture.name,

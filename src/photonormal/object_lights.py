@@ -28,7 +28,7 @@ def calibrate_from_object(
     Raises
     ------
     InputError
-        If the photographs tell no lights, or a file is there already.
+        If the photographs show no lights, or a file is there already.
     """
     from photonormal.methods.uncalibrated import found_lights
 

@@ -10,7 +10,7 @@ from typing import BinaryIO
 import numpy as np
 
 START = b"\x89PNG\r\n\x1a\n"
-HEADER_END = 33  # bytes of the start and of the first chunk, which tells the size
+HEADER_END = 33  # bytes of the start and of the first chunk, which shows the size
 ROWS = 256  # made at a time
 LONGEST = 2**16  # bytes of a chunk that is read as a remark
 SRGB = {b"sRGB": b"\x00"}  # samples are sRGB-encoded

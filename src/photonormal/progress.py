@@ -16,7 +16,7 @@ _told: Told | None = None
 
 
 def tell_to(told: Told) -> None:
-    """From now on whatever this process does is told to `told`, from any thread, in place of standard error."""
+    """From now on whatever this process does is reported to `told`, from any thread, in place of standard error."""
     global _told
     _told = told
 

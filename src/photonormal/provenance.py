@@ -1,6 +1,6 @@
 """What a result depends on: the version, the method with its options, weights and code, and the files that were read.
 
-It stands in a result's report, so that a later run can tell whether the same would come out again.
+It stands in a result's report, so that a later run can see whether the same would come out again.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FINDING = {  # where lights come from -> what finds them
     "unknown": "photonormal.methods.uncalibrated.unknown",
 }
 BESIDES = {"photonormal", "photonormal.methods", "photonormal.types", "photonormal.options"}  # names and checks
-COMPARED = {  # what a result is made by -> how a change of it is told
+COMPARED = {  # what a result is made by -> how a change of it is named
     "photonormal": "version",
     "method": "method",
     "options": "options",

@@ -13,7 +13,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-FAINT = 1e-3  # of the light at the object's middle: where less arrives from a near lamp, a sample tells nothing
+FAINT = 1e-3  # of the light at the object's middle: where less arrives from a near lamp, a sample shows nothing
 LUMA = (0.298936, 0.587043, 0.114021)  # red, green, blue: the grey level of every published classical figure
 
 

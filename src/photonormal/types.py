@@ -212,7 +212,7 @@ class Normals:
     mask : (h, w) bool, True where there is a normal; pixels that no light reached are not in it. None: where the map is
         neither zero nor NaN
     expected_error_deg : (h, w) float32, how far each normal is expected to be off, in degrees; NaN outside `mask`. None
-        where the method does not tell
+        where the method does not estimate it
     """
 
     map: np.ndarray

@@ -1,1 +1,1 @@
-"""Many captures: what is not done is measured, one process a capture; what is done is told by the results alone."""
+"""Many captures: what is not done is measured, one process a capture; the results alone say what is done."""

@@ -228,7 +228,7 @@ def _measure(
     shares: Mapping[str, int] = {},
 ) -> Outcome | Large:
     """What a worker does with a capture, or with what others have found of its rows. Where one of them has failed, it
-    does all by itself, and tells what fails again. `shares` of its machine that it may use, by its address: as many as
+    does all by itself, and says what fails again. `shares` of its machine that it may use, by its address: as many as
     there are workers, where none of them has anything else to do."""
     try:
         with _at_work(named, needed, nbytes, begins=not parts, shares=shares):
@@ -265,7 +265,7 @@ def _at_work(
     tells: bool = True,
     shares: Mapping[str, int] = {},
 ) -> Iterator[None]:
-    """A worker works on one thing at a time, and tells how far it is; OtherProgram if it has come with another
+    """A worker works on one thing at a time, and reports how far it is; OtherProgram if it has come with another
     photonormal after the others were asked."""
     from distributed import get_worker
 

@@ -96,7 +96,7 @@ def _difference(job: Job, before: Provenance, names: Callable[[Path], set[str]] 
 
 
 def read_report(folder: Path) -> Known | None:
-    """What a folder's report tells; None where it has none of ours."""
+    """What a folder's report says; None where it has none of ours."""
     if listed_files(folder) is None:
         return None
     try:

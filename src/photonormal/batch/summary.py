@@ -42,7 +42,7 @@ class StoredFinding(TypedDict):
 
 
 class Reported(TypedDict):
-    """What a summary tells of a report."""
+    """What a summary says of a report."""
 
     written_by: str
     failed: NotRequired[Failure]
@@ -70,7 +70,7 @@ class Summary:
         self.read_others()
 
     def read_others(self) -> None:
-        """Look again what is told of captures that are not this batch's: another may be at work below `out`."""
+        """Look again at what is known of captures that are not this batch's: another may be at work below `out`."""
         for name in [folder.relative_to(self.out).as_posix() for folder in reported_below(self.out)]:
             if name not in self._names:
                 self.read(name)
@@ -79,7 +79,7 @@ class Summary:
                     self._rows[name] = replace(told, failure=which)
 
     def read(self, name: str) -> None:
-        """Look again what is told of a capture."""
+        """Look again at what is known of a capture."""
         self._rows[name] = row(name, self.out / name)
 
     def rows(self) -> list[CaptureRow]:
@@ -99,7 +99,7 @@ class Summary:
 
 
 def row(name: str, folder: Path) -> CaptureRow:
-    """What is told of a capture in the folder of its result."""
+    """What the folder of its result says of a capture."""
     try:
         told = read_json(folder / REPORT, Reported, "measure again")
     except InputError:

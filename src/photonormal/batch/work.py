@@ -54,7 +54,7 @@ def use_threads(count: int) -> None:
 
 
 def work(named: Named, parts: Sequence[SolvedRows] = ()) -> Outcome:
-    """Measure one capture and write its result, or tell in its folder why that can't be.
+    """Measure one capture and write its result, or say in its folder why that can't be.
 
     `parts`: what other processes have found of its rows.
     """

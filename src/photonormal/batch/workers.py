@@ -71,7 +71,7 @@ def begin_loading() -> None:
 def work_through(waiting: Sequence[Named], at: At, begun: Begun, jobs: int | None = None) -> Iterator[Outcome]:
     """What comes of the captures, as it comes, from `jobs` processes; None: as many as cores and memory allow.
 
-    One that has ended a capture has the next before the outcome is told.
+    One that has ended a capture has the next before the outcome is reported.
     """
     if not waiting:
         return

@@ -89,13 +89,13 @@ def _diligent(root: Path) -> list[Item]:
 
 
 def _materials(root: Path) -> list[Item]:
-    """One object in many materials; the root's name tells which object."""
+    """One object in many materials; the root's name says which object."""
     folders, dataset = _diligent_folders(root), f"materials-{root.resolve().name}"
     return [_in_diligent_layout(dataset, p.name.removesuffix("PNG"), i, p) for i, p in enumerate(folders)]
 
 
 def _captures(root: Path) -> list[Item]:
-    """Captures in any layout; the root's name tells which they are."""
+    """Captures in any layout; the root's name says which they are."""
     folders = [p for p in _folders(root) if picture_files(p) or (p / "Normal_gt.mat").is_file()]
     return [Item(f"captures-{root.resolve().name}", p.name, i, p, "auto") for i, p in enumerate(folders)]
 
@@ -114,7 +114,7 @@ def _in_diligent_layout(dataset: str, name: str, index: int, path: Path) -> Item
 
 
 def _cycles(root: Path) -> list[Item]:
-    """Renderings of `<object>.obj` folders, in `root` or one level below; the count of lights tells the dataset.
+    """Renderings of `<object>.obj` folders, in `root` or one level below; the count of lights shows the dataset.
 
     Pictures that this package rendered go by another name: what is published on CyclesPSTest says nothing about them.
     """

@@ -21,7 +21,7 @@ MIRRORS = 0.7  # part of the pictures whose highlight is a mirror's
 SUPPORTED = 0.15  # unexplained shading below which a circle needs half of CONFIDENCE only
 AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellation, that another one needs
 AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, that is as good as another's
-TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user is told of
+TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user hears of
 TELLS = 0.85  # and from which it tells the sphere's circle from others
 AS_DARK = (0.2, 0.004)  # how much less it may be, as part of what the best circle lacks, and absolute
 CLOSE = 0.1  # distance and difference of radii, in radii, of a circle of edges that corrects one of shadows
@@ -46,7 +46,7 @@ class FoundCircle:
     shadows : correlation of what is dark around it with the shadows of that sphere under those lights
     usually : the same in the middle picture, which a few highlights of other things don't change
     astray : pictures whose highlight is not where their shadow says
-    told : pictures whose shadow tells which of several reflections is the light's
+    told : pictures whose shadow shows which of several reflections is the light's
     """
 
     circle: Circle
@@ -71,7 +71,7 @@ class FoundCircle:
 
     @property
     def mirrors(self) -> float:
-        """How surely it is a mirror: highlights that tell where its shadows lie are as good as lone ones."""
+        """How surely it is a mirror: highlights that show where its shadows lie are as good as lone ones."""
         return max(self.mirrored, self.shadows if self.shades else 0.0)
 
     @property
@@ -123,7 +123,7 @@ def best_of(around: list[FoundCircle], survey: Survey, where: str) -> FoundCircl
 
 
 def corrected(cast: FoundCircle, around: list[FoundCircle]) -> FoundCircle:
-    """A circle that only shadows tell, and the surest one of edges close by: their mean, weighted by confidence."""
+    """A circle that only shadows show, and the surest one of edges close by: their mean, weighted by confidence."""
     a = cast.circle
     least = 1 - CORRECTS[0] * (1 - cast.shadows) - CORRECTS[1]
     close = [

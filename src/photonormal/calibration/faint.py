@@ -1,8 +1,8 @@
-"""Lamps that a small sphere mirrors in noise, told by its shadows.
+"""Lamps that a small sphere mirrors in noise, found by its shadows.
 
 A dark ball of ten pixels in radius may mirror a lamp by a few levels, which noise and JPEG move or hide, while its
-shadow is as large as itself: where it lies tells the lamp to a degree or two. That the ball mirrors at all the pictures
-tell together: each is brighter where its own lamp would be mirrored than where the others' would.
+shadow is as large as itself: where it lies shows the lamp to a degree or two. That the ball mirrors at all the pictures
+show together: each is brighter where its own lamp would be mirrored than where the others' would.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from photonormal.calibration.reflections import RIM
 from photonormal.calibration.shadow import FEW, VIEW, ShadowMatch, Surroundings
 from photonormal.geometry import normalised
 
-LARGEST_PX = 15  # radius of a sphere below which its shadows alone may tell its lamps
-PLAINLY = 0.9  # correlation in one picture from which its shadow tells the lamp
-TILT_UNSURE = 0.03  # standard deviation of a table's normal as shadows tell it
+LARGEST_PX = 15  # radius of a sphere below which its shadows alone may show its lamps
+PLAINLY = 0.9  # correlation in one picture from which its shadow shows the lamp
+TILT_UNSURE = 0.03  # standard deviation of a table's normal as shadows show it
 FIRST, LAST = 0.15, 0.01  # steps in radii by which the middle of a shadow is looked for
 LOWEST = 0.05  # cosine between lamp and table below which its shadow is too long
 WAYS = np.array([(np.cos(a), np.sin(a)) for a in np.arange(8) * np.pi / 4])
@@ -30,9 +30,9 @@ SURELY = 4.0  # standard deviations by which pictures together stand out where t
 
 
 def near(around: Surroundings, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-    """Where the sphere mirrors the lamps whose shadows these are, close to `xy`; NaN where a shadow tells little.
+    """Where the sphere mirrors the lamps whose shadows these are, close to `xy`; NaN where a shadow shows little.
 
-    The table is found by its light and as `xy` explain the shadows best: many pictures tell it.
+    The table is found by its light and as `xy` explain the shadows best: many pictures show it.
     """
     T = _table(around, circle, xy)
     seen, best = _searched(around.compared(circle, xy, T), circle, xy, T)
@@ -111,7 +111,7 @@ def moved(xy: Float[np.ndarray, "n 2"], cast: Float[np.ndarray, "n 2"], circle: 
     """Highlights `xy` and where shadows `cast` say that they are: their mean, weighted by how unsure both are.
 
     How unsure highlights are they tell together, by how far they are from there as a rule. Where they are noise, one
-    whose shadow tells nothing is left out.
+    whose shadow shows nothing is left out.
     """
     off2 = ((xy - cast) ** 2).sum(1)
     both = np.isfinite(off2)

@@ -13,8 +13,8 @@ from photonormal.types import InputError
 
 SHADOW = 0.02  # of the 99th percentile: darker samples may be in shadow
 CAP = 0.97  # quantile of each light's samples at which they are cut: highlights say nothing of the light
-FACING = 0.2  # n.l above which a sample tells its light's intensity
-LEAST = 20  # samples of a light that tell its intensity at least
+FACING = 0.2  # n.l above which a sample shows its light's intensity
+LEAST = 20  # samples of a light that show its intensity at least
 TIGHT = 1.5  # residuals beyond this many medians of a pixel are highlights or cast shadows
 
 

@@ -70,7 +70,7 @@ def nearest_point(
     Raises
     ------
     InputError
-        If the lines are parallel in practice: the light is too far away for its position to be told.
+        If the lines are parallel in practice: the light is too far away for its position to be found.
     """
     M = np.eye(3) - lines[:, :, None] * lines[:, None, :]  # (m, 3, 3)
     A = M.sum(0)

@@ -26,7 +26,7 @@ REACH, LEAST_PX = 3.0, 12  # how far its surroundings are looked at, in those, a
 ROUNDS, SETTLED = 8, 0.005  # of least squares, and pixels that are no more than rest
 DARK = 0.1  # level below which all are as sure
 NARROWEST, MOVES = 0.5, 1.5  # standard deviation in pixels, and how far it moves, in those it began with
-FLOOR = 0.05  # of the peak, below which a pixel's logarithm tells nothing
+FLOOR = 0.05  # of the peak, below which a pixel's logarithm shows nothing
 OTHER, RIVAL = 0.2, 0.5  # how far another one stands out, as part of the farthest, to be looked at; and to be doubted
 
 
@@ -206,7 +206,7 @@ class Reflections:
 def _least_squares(
     A: Float[np.ndarray, "m k"], y: Float[np.ndarray, " m"], w: Float[np.ndarray, " m"]
 ) -> Float[np.ndarray, " k"]:
-    """argmin of sum w^2 (A b - y)^2, its columns scaled to be alike, so that one that tells nothing gets no term."""
+    """argmin of sum w^2 (A b - y)^2, its columns scaled to be alike, so that one that shows nothing gets no term."""
     A = A * w[:, None]
     size = np.sqrt((A**2).sum(0)).clip(1e-9)
     A = A / size

@@ -37,7 +37,7 @@ FAINTLY = (
     "larger or shinier sphere, or expose longer."
 )
 ROUNDS = 3  # of looking for highlights in a circle and improving it by its shadows
-UNSURE = 0.12  # what it lacks where a circle that only shadows tell is no surer than chance
+UNSURE = 0.12  # what it lacks where a circle that only shadows show is no surer than chance
 FULLY = 0.65  # confidence of such a circle at most
 
 
@@ -133,7 +133,7 @@ def _in_place(
         found = FoundCircle(c, xy, mirrored, width, shadows=around.explained(c, xy))
         if found.shadows > BEGIN and np.isfinite(others).any():
             xy, _ = around.chosen(c, xy, others)
-            xy, clear = around.chosen(c, xy, others)  # on the table that these tell
+            xy, clear = around.chosen(c, xy, others)  # on the table that these show
             found = replace(found, xy=xy, told=tuple(np.flatnonzero(clear)), shadows=around.explained(c, xy))
         if not found.shades:
             return found
@@ -179,7 +179,7 @@ def _shown(xy: np.ndarray) -> float:
 
 
 def _middle(each: np.ndarray) -> float:
-    """Of pictures whose shadow tells something; 0 where none does."""
+    """Of pictures whose shadow shows something; 0 where none does."""
     return float(np.nanmedian(each)) if np.isfinite(each).any() else 0.0
 
 

@@ -1,6 +1,6 @@
 """Whether a sphere's circle explains the shadows around it.
 
-Where lamps are mirrored inside a circle tells their directions, and they tell which parts of the table a sphere of that
+Where lamps are mirrored inside a circle shows their directions, and they show which parts of the table a sphere of that
 size keeps from each lamp. The outline of another thing, a base below the ball, the table's horizon in it, means other
 lights and another sphere, and its shadows would lie elsewhere.
 """
@@ -20,16 +20,16 @@ from photonormal.calibration.mirror import directions
 from photonormal.calibration.outline import EDGE_POWER
 from photonormal.geometry import normalised
 
-LIT = 0.3  # part of the middle brightness above which a place tells how bright a picture is
+LIT = 0.3  # part of the middle brightness above which a place shows how bright a picture is
 REACH = (1.06, 3.5)  # from where to where around a sphere shadows are compared, in its radii
 PLACES = 2500  # that are compared, about
-FACING = 0.7  # cosine between the view and a table's normal below which the shading did not tell it
+FACING = 0.7  # cosine between the view and a table's normal below which the shading did not show it
 GAMMAS = (2.0, 4.4)  # powers that make square roots of levels light, stored linear or encoded
 STILL = 0.6  # quantile of a place's brightness that no highlight and no shadow has
 BLUR = 1.5  # pixels of the photographs beside an outline that show both sides
 WRONG = 0.1  # part of the pictures whose highlight may be another thing's
 SHADED = 0.5  # part of the light that is missing from which a place is in shadow
-SEEN = 0.01  # part of the places in shadow from which a picture's shadow tells something
+SEEN = 0.01  # part of the places in shadow from which a picture's shadow shows something
 NEAREST = 0.12  # a sphere's radius as a part of the lamps' distance, at most
 CLEARLY = 0.2  # by how much the shadow of one reflection has to be explained better than another's
 VIEW = np.array([0.0, 0.0, 1.0])
@@ -97,10 +97,10 @@ class Surroundings:
 
         Parameters
         ----------
-        xy : the reflections that stand out farthest, which stay where their shadows tell nothing
+        xy : the reflections that stand out farthest, which stay where their shadows show nothing
         others : further ones, NaN where there are none
         """
-        compared = self.compared(circle, xy)  # on the table that these tell
+        compared = self.compared(circle, xy)  # on the table that these show
         of = np.nan_to_num([compared.of_each(reflections) for reflections in (xy, *others)])  # (1 + k, n)
         best = np.where(of.max(0) > of[0] + CLEARLY, of.argmax(0), 0)
         picture = np.arange(len(xy))
@@ -160,7 +160,7 @@ class ShadowMatch(NamedTuple):
     ----------
     correlation : of both, over places and pictures
     shown : (n,) which pictures these are
-    table : its normal, as its light tells it
+    table : its normal, as its light shows it
     unsure : standard deviation of that across the view
     dark : (m, p) what is missing at p places
     cast : the shadows (m, p) of the sphere under lights that it mirrors at (m, 2)
@@ -198,7 +198,7 @@ def _cast(
 def _table(L: Float[np.ndarray, "m 3"], e: Float[np.ndarray, " m"]) -> tuple[Float[np.ndarray, " 3"], float]:
     """The normal of what most of a place shows, by its light `e` in each picture, and how unsure it is across the view.
 
-    It is the view where the light tells none.
+    It is the view where the light shows none.
     """
     b = np.linalg.lstsq(L, e, rcond=None)[0]
     left = np.abs(L @ b - e).argsort()[: len(e) - int(WRONG * len(e))]
@@ -217,7 +217,7 @@ def _near(
     """A sphere's radius as a part of the lamps' distance from it, from how they light a plane.
 
     The light of a lamp at distance d on a plane is T.(p - x) / |p - x|^3, so that its logarithm grows by 3 (l.v) / d
-    along v in the plane. What all pictures share, as by vignetting, tells nothing.
+    along v in the plane. What all pictures share, as by vignetting, shows nothing.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from photonormal.calibration.shadow import REACH, Surroundings
 from photonormal.calibration.survey import Photograph, root
 
 SAME = (0.1, 1.5)  # distance, in radii and in pixels, within which two highlights are one
-UNSEEN = Highlight(np.nan, np.nan, 0, 0.0, 0.0, False)  # one that only shadows tell
+UNSEEN = Highlight(np.nan, np.nan, 0, 0.0, 0.0, False)  # one that only shadows show
 FEW_PX = 15.0  # radius in pixels below which lights of rendered spheres were off by 2 degrees and more now and then
 GOOD, FAIR = 0.7, 0.6  # confidence in a circle from which it is called so
 
@@ -57,7 +57,7 @@ class Sphere:
     points : (n, 3) where they were reflected, see `mirror.directions`
     shape : (h, w) of the photographs
     notes : what the search wants the user to know
-    astray : pictures whose highlight was another thing's, as their shadow tells
+    astray : pictures whose highlight was another thing's, as their shadow shows
     """
 
     where: str

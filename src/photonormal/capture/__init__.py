@@ -122,7 +122,7 @@ def own_crop(folder: Path) -> str:
 
 
 def intensities_of(capture: Capture) -> np.ndarray | None:
-    """The intensities (n,) that a capture's files were divided by, as grey levels; None where they tell none."""
+    """The intensities (n,) that a capture's files were divided by, as grey levels; None where they have none."""
     from photonormal.shading import LUMA
 
     e = np.asarray(getattr(files_behind(capture), "intensities", np.ones((1, 1))))

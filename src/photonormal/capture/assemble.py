@@ -51,7 +51,7 @@ class Choice:
     srgb : the pictures are sRGB-encoded and have to be linearised, whatever their files say
     linear : they are linear, whatever their files say, which is believed otherwise (`photonormal.capture.encoding`)
     intensities : file with light intensities (n, 1 or 3), instead of the folder's own
-    exif_exposure : divide by the exposures that the pictures tell in their Exif data
+    exif_exposure : divide by the exposures that the pictures state in their Exif data
     dark, flat : pictures taken with all lights off, and of an even white surface: subtracted, and divided by; `flat`
         may be a folder with one of a white board for each light, which fall-off and intensity are taken from
     hot_pixels : replace pixels that stand out of their surroundings in `dark`, or in every picture
@@ -61,7 +61,7 @@ class Choice:
     dome_radius_mm : the file holds directions nevertheless, of lamps this far from the object at the picture's middle
     focal_px : focal length of a camera whose perspective matters
     crop : "x,y,width,height", or those numbers, in pixels of the photographs: what of them is read; empty: all.
-        Everything else that is told in pixels counts in the whole photographs
+        Everything else that is given in pixels counts in the whole photographs
     scale : by which photographs are reduced, linear ones averaged over areas; above 0 and at most 1
     crop_file : file that `crop` was read from, for messages
     """
@@ -269,7 +269,7 @@ def _intensities(given: np.ndarray | Path | None, counts: list[int], order: list
 
 
 def _boards(choice: Choice, lit: LitPictures, near: bool) -> list[Path] | None:
-    """Pictures of a white board under each light, whose fall-off and intensity they tell, where there are some."""
+    """Pictures of a white board under each light, whose fall-off and intensity they show, where there are some."""
     if choice.flat is None or not (choice.rgb_lights or choice.flat.is_dir()):
         return None
     if near or choice.mm_per_px is not None:

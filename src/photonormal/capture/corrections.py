@@ -22,7 +22,7 @@ from photonormal.files.decode import decode, frame_of, full_scale
 from photonormal.types import Image, InputError
 
 GRAZING = 0.05  # cosine of a light on a board, at least
-MOST_WHITE = 0.05  # part of a flat field or board as bright as its file can hold, at most: it tells no brightness there
+MOST_WHITE = 0.05  # part of a flat field or board as bright as its file can hold, at most: it shows no brightness there
 LEAST_FLAT = 0.02  # of the flat field's median: darker places hold no light to divide by
 HOT, RATIO = 0.03, 1.5  # of full scale, and times the median of its neighbours: above both a pixel is hot
 
@@ -65,7 +65,7 @@ class Corrected:
         return self._kept.image(j, rows, columns)
 
     def saturated(self, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
-        """Where the sensor cut off what a part of picture `j` shows, which no level tells once it is corrected."""
+        """Where the sensor cut off what a part of picture `j` shows, which no level shows once it is corrected."""
         if self.images.saturation is None:
             return None
         if j not in self._white:
@@ -180,7 +180,7 @@ class FlatFields:
         self.middle = float(np.mean(medians / exposures))
 
     def __call__(self, j: int) -> np.ndarray:
-        """(h, w, 1 or c); infinite where the board shows nothing, so that nothing is told there."""
+        """(h, w, 1 or c); infinite where the board shows nothing, so that nothing is known there."""
         level = self._level(j) / (self.middle * float(self.exposures[j]))
         return np.where(level > LEAST_FLAT * np.median(level), level / self.cosines[j], np.inf)
 

@@ -60,7 +60,7 @@ def exposures(paths: Sequence[Path]) -> np.ndarray:
     Raises
     ------
     InputError
-        If a picture has none, or some tell ISO or f-number and others don't.
+        If a picture has none, or some state ISO or f-number and others don't.
     """
     found = [read_exif(p) for p in paths]
     absent = [p.name for p, e in zip(paths, found, strict=True) if e.exposure() is None]

@@ -40,7 +40,7 @@ class PicturePart:
 COLOURS = ("red", "green", "blue")
 Picture = Path | PicturePart | tuple[Path, ...]  # a file, a part of one, or several whose sum is the picture
 
-ROWS = 8  # every so many rows of a picture tell whether another may be equal
+ROWS = 8  # every so many rows of a picture show whether another may be equal
 MARGIN = 8  # pixels kept around the mask's bounding box
 
 

@@ -1,4 +1,4 @@
-"""What was told of photographs as viewers show them: turned by what Exif says of how the camera was held.
+"""What was given for photographs as viewers show them: turned by what Exif says of how the camera was held.
 
 Pictures stay as the sensor saw them, since lights are given in its frame and such notes change between pictures when a
 camera looks down. So a mask is turned back to them, and of lamps in a ring it is said where their first one is.
@@ -28,7 +28,7 @@ BACK: dict[int, Callable[[np.ndarray], np.ndarray]] = {  # Exif's orientation ->
 }
 STARTS = {3: 180, 6: 90, 8: -90}  # -> degrees in what is stored at the right of what is shown
 SAME, DIFFER = 0.02, 0.5  # of a mask's pixels, and of the contrast between inside and outside
-PICTURES = 4  # that tell which way round a mask was drawn
+PICTURES = 4  # that show which way round a mask was drawn
 WORDS = {2: "mirrored", 3: "turned by 180 degrees", 4: "upside down and mirrored", 5: "turned and mirrored"}
 WORDS |= {6: "turned by 90 degrees", 7: "turned and mirrored", 8: "turned by 90 degrees"}
 

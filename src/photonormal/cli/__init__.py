@@ -40,7 +40,7 @@ def main(arguments: list[str] | None = None, interrupted: Callable[[], bool] = l
     Parameters
     ----------
     arguments : words of the command line, in place of the process's own
-    interrupted : tells that a signal has come, which some libraries turn into errors of their own
+    interrupted : says that a signal has come, which some libraries turn into errors of their own
     """
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="surrogateescape")  # names of files are bytes

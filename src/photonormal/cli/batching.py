@@ -61,7 +61,7 @@ class Going:
         return nullcontext(partial(work_through, jobs=self.jobs))
 
     def tells(self, watching: bool = False) -> Callable[..., None]:
-        """What tells of events."""
+        """What reports events."""
         return as_lines if self.json_lines else while_watching if watching else in_words
 
 
@@ -148,7 +148,7 @@ def as_lines(event: str, **what: Any) -> None:
     import json
 
     try:
-        sys.stdout.write(json.dumps({"event": event, **what}, default=str) + "\n")  # at once: threads tell, too
+        sys.stdout.write(json.dumps({"event": event, **what}, default=str) + "\n")  # at once: threads report, too
         sys.stdout.flush()
     except BrokenPipeError:
         say_no_more()

@@ -27,7 +27,7 @@ class Reading:
     """Go on although fewer than 90 % of the object's pixels hold a normal."""
 
     def normals(self, path: Path, frame: str, mask: Path | None = None) -> Normals:
-        """Those of a file or a result folder; what is found out about them is told."""
+        """Those of a file or a result folder; what is found out about them is printed."""
         from photonormal.capture.images import read_mask
         from photonormal.export import load_normals
 

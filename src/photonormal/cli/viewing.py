@@ -112,7 +112,7 @@ class Export:
         return 0
 
     def _several(self) -> int:
-        """Each result by itself: what can't be written of one is told, and the others go on."""
+        """Each result by itself: what can't be written of one is reported, and the others go on."""
         from photonormal.handover.many import ending_of, results_in
 
         if self.out is None or self.capture is not None:

@@ -1,7 +1,7 @@
 """Everything that photonormal writes: files that belong together appear at once, or not at all.
 
 `at_once` writes files of one folder, `write` one file; `recover` clears up what a killed run left in a folder, and
-`in_use` tells whether another is at work there; `refuse_taken` and `refuse_filled` tell before the work that a file or
+`in_use` shows whether another is at work there; `refuse_taken` and `refuse_filled` say before the work that a file or
 a folder can't be written.
 """
 

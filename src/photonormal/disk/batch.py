@@ -7,8 +7,8 @@ While a batch is written, its folder holds
         new/        files to come
         old/        files that they replace
 
-At the end of the batch the journal is told what goes where, the old files are moved aside, the new ones into place, and
-the journal is told that it is done. Whatever happens before that last line, the moves are undone: at once after an
+At the end of the batch the journal gets what goes where, the old files are moved aside, the new ones into place, and
+the journal notes that it is done. Whatever happens before that last line, the moves are undone: at once after an
 error, by the next run after `kill -9`. Only files that the journal names are ever moved or removed.
 """
 
@@ -83,7 +83,7 @@ class FileBatch:
 
     @property
     def journal(self) -> Journal:
-        """Where the batch is told step by step."""
+        """Where the batch is written down step by step."""
         assert self._journal is not None, "the batch is not open"
         return self._journal
 

@@ -1,4 +1,4 @@
-"""What a batch writes, told step by step to a file, so that any end of the process can be put right."""
+"""What a batch writes, noted step by step in a file, so that any end of the process can be put right."""
 
 from __future__ import annotations
 

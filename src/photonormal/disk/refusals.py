@@ -29,7 +29,7 @@ class InUse(InputError):
 
 
 def unwritable(path: Path, error: OSError, after: str = NOTHING) -> MachineLimit:
-    """What to raise where `path` can't be written; `after` tells the state that is left."""
+    """What to raise where `path` can't be written; `after` says what state is left."""
     what = REASONS.get(error.errno or 0, f"{error.strerror or error}; choose another place")
     return MachineLimit(f"{path} can't be written: {what}.{after}")
 

@@ -8,7 +8,7 @@ from jaxtyping import Float, UInt8
 from photonormal.doctor.finding import Finding, counted
 
 FEW = 6  # lights: fewer leave no sample to spare for a shadow or a highlight
-NARROW_DEG = 25.0  # from the axis: lights nearer than that tell little of steep parts
+NARROW_DEG = 25.0  # from the axis: lights nearer than that show little of steep parts
 GAP_DEG = 120.0  # around the axis without a light
 TILTED_DEG = 15.0  # from the axis: lights nearer than that have no side
 UNEVEN = 12.0  # condition number of the lights

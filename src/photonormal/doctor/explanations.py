@@ -1,4 +1,4 @@
-"""What else may be wrong with pictures that their lights explain badly: each explanation is tried, the best is told.
+"""What else may be wrong with pictures that their lights explain badly: each explanation is tried, the best reported.
 
 Other light that stays on, pictures that are not linear, lamps that are near, directions halfway to the right ones.
 """
@@ -35,7 +35,7 @@ MOST = 0.06  # of it
 PROPHOTO, CLEARER = 1.8, 0.6  # exponent, and misfit with it, as part of that with sRGB's curve
 STEEPER = 2.2  # relative errors grow so much where samples are linearised
 BEHIND = -0.1  # z of a light below which it can't have lit the object
-FAINT = 0.05  # of the brightest pixels' level, below which a pixel tells nothing
+FAINT = 0.05  # of the brightest pixels' level, below which a pixel shows nothing
 SAME = 0.05  # deviation of a pixel's samples, as part of their mean, that nine tenths of the pixels stay below
 RING, NEVER_DARK = 0.003, 0.25  # of the largest singular value; and of a pixel's mean
 DROWNED = 3.0  # light that stays on, as part of full brightness, in which the lamps' is lost
@@ -67,7 +67,7 @@ def explanation(
 
 
 def _hardly_differ(I: Float[np.ndarray, "p n"], L: Float[np.ndarray, "n 3"]) -> list[Finding]:
-    """Pictures that are nearly the same, and lights on one ring, under which c of I = b.l + c can't be told."""
+    """Pictures that are nearly the same, and lights on one ring, under which c of I = b.l + c can't be found."""
     level = I.mean(1)
     J = I[level > FAINT * np.quantile(level, 0.95)]
     level = J.mean(1).clip(1e-12)
@@ -205,7 +205,7 @@ def _halfway(pixels: MisfitPixels, L: np.ndarray, before: np.ndarray) -> tuple[f
     """Directions are the normals of a mirror sphere where it shows the lamps: twice the angle to the axis fits best.
 
     A flat thing that shines does as if each light had an intensity of its own, which must not explain more. The
-    corrected ones are told where little of the misfit is left.
+    corrected ones are given where little of the misfit is left.
     """
     reflected = raised(L, 2.0)
     if reflected[:, 2].min() < BEHIND:

@@ -1,7 +1,7 @@
 """Lights given in another frame: an axis flipped, x and y exchanged, turned about the view.
 
 Turning or mirroring all lights does the same to the normals and leaves every picture explained as well as before. Three
-things tell: slopes have to be a surface's (`curl`), which half a turn keeps; normals at an occluding outline point
+things show: slopes have to be a surface's (`curl`), which half a turn keeps; normals at an occluding outline point
 outwards (`outline`); shadows fall away from what casts them (`shadows`). Of a flat relief without shadows half a turn
 can't be told: turned inside out it looks the same.
 """
@@ -104,7 +104,7 @@ class LambertianFit:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The frame that the pictures speak for, `GIVEN` where they speak for none; `half` whether half a turn is told."""
+    """The frame that the pictures speak for, `GIVEN` where for none; `half`: whether it decides half a turn."""
 
     frame: NormalsFrame
     half: bool
@@ -116,7 +116,7 @@ class Verdict:
         return self.numbers.get("curl_best", 0.0)
 
     def name(self) -> str:
-        """What was done to the lights, as far as is told."""
+        """What was done to the lights, as far as is known."""
         other = "" if self.half else f", or {self.frame.half_turned().name()}"
         return self.frame.name() + other
 
@@ -149,9 +149,9 @@ def _up_to_half_a_turn(fit: LambertianFit) -> tuple[NormalsFrame, dict[str, Any]
 
 
 def _half_turned(fit: LambertianFit, frame: NormalsFrame, numbers: dict[str, Any]) -> bool | None:
-    """Whether half a turn is missing; None where neither shadows nor an outline tell, or they disagree.
+    """Whether half a turn is missing; None where neither shadows nor an outline show, or they disagree.
 
-    Where each by itself says too little, both together may tell.
+    Where each by itself says too little, both together may show.
     """
     M, outline = frame.matrix(), fit.outline
     votes = [fit.shadows.vote(M), 0.0 if outline is None else outline.vote(M)]
@@ -166,7 +166,7 @@ def _half_turned(fit: LambertianFit, frame: NormalsFrame, numbers: dict[str, Any
 def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:
     """The lights' frame, if what they show is no surface, and what corrects them.
 
-    Up to half a turn, where the finding's numbers say that it is not told.
+    Up to half a turn, where the finding's numbers say that it is not decided.
     """
     below = np.median(fit.L[:, 2]) < 0  # lights in front don't show a surface that faces away
     away = bool(below and (fit.normals[fit.mask][:, 2] < 0).mean() > 0.5)

@@ -1,6 +1,6 @@
 """Pictures laid on one another: how much of each the others explain, and groups that lie otherwise.
 
-What a picture should show is told by the others, whatever the lights: pictures of a matt surface are combinations of
+The other pictures say what a picture should show, whatever the lights: pictures of a matt surface are combinations of
 three, of others of few more. A picture that lies otherwise is such a combination only after it is put back.
 """
 
@@ -17,7 +17,7 @@ SIZE = 32  # pixels of the smaller side, at least
 FARTHEST = 12  # pixels of a shift looked for, and at most this part of the smaller side
 PART = 5
 RANK = 8  # pictures that the others are combined of
-MANY = 96  # others that tell these, and groups; of more, every so many, since the time grows with their cube
+MANY = 96  # others that show these, and groups; of more, every so many, since the time grows with their cube
 LEAST = 6  # pictures
 DETAIL = 3.0  # pixels: coarser shading moves with the light
 SIDE, AGREED = 6, 2.2  # parts along each side, and standard errors by which they fit better after the shift
@@ -213,5 +213,5 @@ def clearly_less(change: Float[np.ndarray, " parts"]) -> bool:
 
 
 def can_tell(pictures: Float[np.ndarray, "n a b"]) -> bool:
-    """Whether there are pictures enough, and large enough, to tell how they lie."""
+    """Whether there are pictures enough, and large enough, to show how they lie."""
     return min(pictures.shape[1:]) >= SIZE and len(pictures) >= LEAST and bool(pictures.any())

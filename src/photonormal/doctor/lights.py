@@ -30,7 +30,7 @@ SHINING = 0.85  # of the variance of factors that follows the lights' directions
 DARK = 1e-3  # of the mean of all, the least that a picture counts
 ORDERS = 12  # that are looked at closely
 MORE_CURL = 1.1  # of what the given order makes of the pictures, that another may have
-LIGHTS = 10  # of which it can be told whether they are other pictures'
+LIGHTS = 10  # of which it can be seen whether they are other pictures'
 AS_CHANCE, WORSE, ROUGH = 0.6, 1.5, 0.5  # misfit, times what any three lights leave unexplained, and variance of the
 # pictures' brightness that follows the lights' directions smoothly, at which they are
 
@@ -79,7 +79,7 @@ def _reordered(
 ) -> tuple[list[Finding], Given]:
     """Of equally good orders the first that needs no other frame; else the first, with its frame corrected.
 
-    Corrected lights are told where they are certain.
+    Corrected lights are given where they are certain.
     """
     order, verdict = next((t for t in tried if t[1].frame == GIVEN), tried[0])
     also = "" if verdict.frame == GIVEN else f", and {verdict.name()}"
@@ -196,7 +196,7 @@ def intensities(given: Given, mask: Bool[np.ndarray, "h w"], names: Sequence[str
 
 
 def smooth(v: Float[np.ndarray, " n"], L: Float[np.ndarray, "n 3"]) -> float:
-    """Part of the variance of v that a quadratic polynomial in the lights' x and y tells, beyond what chance does."""
+    """Part of the variance of v that a quadratic polynomial in the lights' x and y shows, beyond what chance does."""
     x, y = L[:, 0], L[:, 1]
     A = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=1)
     left = ((v - A @ np.linalg.lstsq(A, v, rcond=None)[0]) ** 2).sum() / max(len(v) - A.shape[1], 1)

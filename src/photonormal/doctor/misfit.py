@@ -14,12 +14,12 @@ from jaxtyping import Bool, Float, Int
 from photonormal.calibration.intensities import SHADOW
 
 PIXELS = 1500  # looked at
-LEAST = 100  # pixels that tell anything
+LEAST = 100  # pixels that show anything
 FEW = 6  # lit samples of a pixel at least: fewer fit whatever they show
 SIDE = 6  # parts along each side
 OF_PART = 8  # pixels in a part at least
 KEPT = 0.6  # of a pixel's lit samples whose residual counts: shadows and highlights are among the others
-TIGHT, ROUNDS = 1.5, 4  # residuals beyond so many of those don't tell the fit
+TIGHT, ROUNDS = 1.5, 4  # residuals beyond so many of those don't show the fit
 MATT = 0.06  # misfit, as part of a pixel's level, above which shine mimics other angles and intensities
 NOISE = 1e-4  # of a pixel's level that no misfit falls below
 CERTAIN = 3.0  # standard errors over the parts

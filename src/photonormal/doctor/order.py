@@ -23,7 +23,7 @@ FEW = 8  # lights of which an exchange of two changes the misfit by more than EQ
 PARTS = 8  # of the pixels, evenly spread, which have to agree on an order
 TURNS = 24  # rotations about the lights' mean from which a match starts
 DARKEST = 0.2  # of the pixels are left out
-CHANCE = 20  # random orders that tell how bad chance is
+CHANCE = 20  # random orders that show how bad chance is
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from photonormal.types import Capture, InputError
 
 PIXELS = 20_000  # at most, on a regular grid: slopes of the normals need neighbours
 MARGIN = 8  # pixels kept around the mask
-SMALL = 300  # longest side of the pictures that tell motion
+SMALL = 300  # longest side of the pictures that show motion
 GROUND = 0.15  # of the object's brightness, below which the ground around it is dark
 CUT_OFF = 0.7  # part of the frame's rim that is object, as part of the frame that is, above which it is none
 ROUND = 0.95  # of the frame's rim on the mask, from which on it is the ground that is marked, if that is dark

@@ -99,7 +99,7 @@ def load_normals(
     ----------
     path : ``.npz`` with `normals` and, if known, `mask`; a picture, 8 or 16-bit (n + 1) / 2, or floats that hold
         this or the vectors themselves; a ``.npy`` array (h, w, 3)
-    frame : of the file, a key of photonormal.geometry.FRAMES; "auto": what the file tells, else ours, unless the curl
+    frame : of the file, a key of photonormal.geometry.FRAMES; "auto": what the file says, else ours, unless the curl
         of the slopes or the sign of z say otherwise
     channels : which ones hold what: "xyz", "xy" (z is found), "wy" (x in alpha, y in green; z is found), or "auto":
         xyz where blue fits
@@ -110,7 +110,7 @@ def load_normals(
     Raises
     ------
     InputError
-        If the file is no normal map, or what its channels hold can't be told.
+        If the file is no normal map, or it is unclear what its channels hold.
     """
     from photonormal.export import normal_maps
 

@@ -1,4 +1,4 @@
-"""Folders of results: new, or ones that photonormal wrote, told by their report; nothing else in them is touched."""
+"""Folders of results: new, or ones that photonormal wrote, as their report says; nothing else in them is touched."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def _replaced(out: Path, names: Iterable[str], overwrite: bool, used: set[tuple[
 
 
 def listed_files(out: Path) -> list[str] | None:
-    """Files of the result in a folder, as its report tells, its report first; None where there is no result of ours."""
+    """Files of the result in a folder, as its report says, its report first; None where there is no result of ours."""
     if not 0 < (_size(out / REPORT) or 0) < LONGEST:
         return None
     try:

@@ -1,8 +1,8 @@
 """Normal maps that come from elsewhere: which channels hold what, which way they look, and which pixels have a normal.
 
 Whatever has a direction is a normal. Background is what is black, white, mid-grey or transparent. What the numbers say
-is done and told; where they leave a doubt that would spoil the normals, the map is refused, and the message names the
-option that settles it.
+is done and reported; where they leave a doubt that would spoil the normals, the map is refused, and the message names
+the option that settles it.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def judged(
 
     Parameters
     ----------
-    frame : of the map, a key of photonormal.geometry.FRAMES; "auto": ours, unless its curl or z tell otherwise
+    frame : of the map, a key of photonormal.geometry.FRAMES; "auto": ours, unless its curl or z show otherwise
     channels : a key of CHANNELS
     mask : pixels outside it have no normal
     partial : go on where fewer than LEAST of the pixels hold a normal

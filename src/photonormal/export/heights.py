@@ -16,7 +16,7 @@ from photonormal.files.opening import read_npz
 from photonormal.png import encode_png, text
 from photonormal.types import InputError, Surface
 
-REMARK = "photonormal-height"  # in a file, which tells what black and white are
+REMARK = "photonormal-height"  # in a file, which says what black and white are
 FORMATS = (".npz", ".png", ".tif", ".tiff", ".exr")
 
 

@@ -13,19 +13,19 @@ from photonormal.types import Materials
 
 ROWS = 256  # made at a time
 TOP, USUAL = 0.08, 0.04  # F0 of level 1, as principled shaders have it; of nearly all that is no metal
-ENOUGH = 2**20  # pixels that tell the usual F0
-TOLD = 128, 255  # grey of material_known.png: roughness is told; metalness, too
+ENOUGH = 2**20  # pixels that show the usual F0
+TOLD = 128, 255  # grey of material_known.png: roughness is known; metalness, too
 
 
 def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: float, folder: FileBatch) -> None:
     """base_colour.png (sRGB-encoded), roughness.png, metalness.png, specular.png (F0 over 0.08).
 
-    The base colour is the albedo; of metals F0, or both where only a neighbour tells that it is one. Photographs do not
-    tell the exposure, so the median F0 of what is no metal counts as 0.04.
+    The base colour is the albedo; of metals F0, or both where only a neighbour shows that it is one. Photographs do not
+    show the exposure, so the median F0 of what is no metal counts as 0.04.
 
-    material_known.png is grey where roughness was told, and white where metalness was, too.
+    material_known.png is grey where roughness is known, and white where metalness is, too.
 
-    What is not told is what is told around it, else matt; `white` is the radiance of a white surface.
+    What is not known is what is known around it, else matt; `white` is the radiance of a white surface.
     """
     known, sure = np.isfinite(materials.roughness), np.isfinite(materials.metalness)
     told = known.astype(np.uint8) * TOLD[0]
@@ -53,7 +53,7 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
 
 
 def _usual(materials: Materials) -> float:
-    """The median F0 of what is told to be no metal, 1 where nothing is."""
+    """The median F0 of what is known to be no metal, 1 where nothing is."""
     step = max(1, int(np.sqrt(materials.roughness.size / ENOUGH)))
     rough, metal, F0 = (each[::step, ::step] for each in (materials.roughness, materials.metalness, materials.specular))
     values = F0.mean(-1)[np.isfinite(rough) & (metal != 1)]

@@ -1,4 +1,4 @@
-"""Normal maps as files: x right is red, y up is green (OpenGL), z to the camera is blue, or as the file tells."""
+"""Normal maps as files: x right is red, y up is green (OpenGL), z to the camera is blue, or as the file says."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from photonormal.geometry import FRAMES, from_frame, in_frame, known_frame
 from photonormal.png import by_rows, text
 from photonormal.types import InputError, Normals, in_pixels
 
-FRAME = "photonormal-frame"  # the remark in a file that tells the frame of its normals
+FRAME = "photonormal-frame"  # the remark in a file that says the frame of its normals
 
 
 def png(normals: Normals, frame: str) -> Content:
@@ -136,7 +136,7 @@ def _of_matlab(path: Path) -> np.ndarray:
 
 
 def _arrays(path: Path) -> tuple[np.ndarray, str | None, Normals | None]:
-    """The vectors of an .npz file, its frame where it tells it, and the normals as stored where their mask is there."""
+    """The vectors of an .npz file, its frame where it has one, and the normals as stored where their mask is there."""
     arrays = read_npz(path, "save them again", ("normals", "mask", "expected_error_deg", "axes"))
     if "normals" not in arrays:
         raise InputError(f"{path} holds {', '.join(arrays) or 'no normals'} but normals are needed; save them so.")
@@ -148,7 +148,7 @@ def _arrays(path: Path) -> tuple[np.ndarray, str | None, Normals | None]:
 
 
 def told_frame(axes: np.ndarray | None, path: Path) -> str | None:
-    """The frame of the `axes` that an .npz file tells; None where it tells none."""
+    """The frame of the `axes` that an .npz file says; None where it has none."""
     if axes is None:
         return None
     for name, known in FRAMES.items():

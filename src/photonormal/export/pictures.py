@@ -109,7 +109,7 @@ def albedo_samples(path: Path) -> np.ndarray:
 
 
 def read_albedo(path: Path) -> np.ndarray:
-    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32; it tells whether it is sRGB-encoded."""
+    """The linear albedo (h, w, 3) in [0, 1] of an `albedo.png`, float32; the file says whether it is sRGB-encoded."""
     samples = albedo_samples(path)
     return linear(samples, is_encoded(path, samples))
 

@@ -24,7 +24,7 @@ from photonormal.scoring import colours, error_picture
 from photonormal.types import Normals, Result, Surface
 
 LARGE = 2**22  # pixels of a frame above which one file is written after the other, to bound the memory
-ENOUGH = 2**20  # pixels that tell what is brightest
+ENOUGH = 2**20  # pixels that show what is brightest
 ROWS = 256  # of a picture made at a time
 
 
@@ -43,7 +43,7 @@ def write_result(
     found), the maps of materials (where they were asked for) and report.json. `frame` is that of normals.png, a key of
     photonormal.geometry.FRAMES; normals.npz keeps ours. `read`: how the capture was read, as
     `photonormal.capture.reading_told` says it. `linear_albedo` leaves the sRGB curve out of albedo.png.
-    The mesh has about `most_faces` triangles at most, and is in millimetres where the capture tells a pixel's width.
+    The mesh has about `most_faces` triangles at most, and is in millimetres where the capture shows a pixel's width.
     """
     start = time.perf_counter()
     normals, surface, white = result.normals, result.surface, brightest(result)

@@ -10,7 +10,7 @@ from photonormal.files.decode import full_scale
 EDGE = 0.8  # vectors whose parts are all beyond it, on one side, are black or white: a unit vector's can't be
 SHORTEST = 0.1  # mid-grey is shorter
 NEGATIVE = -0.05  # floats below it are vectors themselves, no (n + 1) / 2
-NEAR = 0.02  # of length one: vectors that tell the code of zero
+NEAR = 0.02  # of length one: vectors that show the code of zero
 CUT_OUT = 0.02  # alpha within it of 0 or 1 is a cut-out's
 
 
@@ -48,7 +48,7 @@ def zero_at_its_code(v: Float[np.ndarray, "p 3"], step: float) -> Float[np.ndarr
     """Vectors from integers, with zero where the program that wrote them put it: half way between two codes, or at one
     of the two (127 or 128 of 255).
 
-    Lengths tell: |n + d|^2 grows by 2 d (n_x + n_y) with an offset d. Where they don't, a flat map is flat: if one of
+    Lengths show: |n + d|^2 grows by 2 d (n_x + n_y) with an offset d. Where they don't, a flat map is flat: if one of
     the four codes around zero is far more frequent than the others, it is zero.
 
     Parameters
@@ -69,7 +69,7 @@ def zero_at_its_code(v: Float[np.ndarray, "p 3"], step: float) -> Float[np.ndarr
 
 
 def _offset(v: Float[np.ndarray, "p 3"], half: float) -> float:
-    """0, or half a step up or down; 0 where lengths don't tell."""
+    """0, or half a step up or down; 0 where lengths don't show."""
     squared = (v.astype(np.float64) ** 2).sum(-1)
     sure = np.abs(squared - 1) < 2 * NEAR
     along, longer = v[sure, 0].astype(np.float64) + v[sure, 1], squared[sure] - 1

@@ -48,7 +48,7 @@ class Embedded:
 
 
 def embedded(path: Path) -> Embedded:
-    """What a file tells, by its content, whatever its name; nothing where it has nothing or it is damaged."""
+    """What a file says, by its content, whatever its name; nothing where it has nothing or it is damaged."""
     try:
         with open_file(path) as file:
             start = file.read(8)

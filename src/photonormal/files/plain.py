@@ -1,4 +1,4 @@
-"""PNG, JPEG and BMP, told by content, since names lie; checked first, since OpenCV fills in what is missing."""
+"""PNG, JPEG and BMP, recognised by content, since names lie; checked first, since OpenCV fills in what is missing."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def _unpacked(data: bytes, size: int, step: int, path: Path) -> bytes:
 
 
 def _colours(raw: np.ndarray, bits: int, alpha_bits: int) -> np.ndarray:
-    """RGB, or RGBA where alpha is told of, from blue, green, red, alpha, or from five bits each."""
+    """RGB, or RGBA where the file has alpha, from blue, green, red, alpha, or from five bits each."""
     if bits in (15, 16):
         value = raw.view("<u2")[:, 0]
         five = np.stack([(value >> shift) & 31 for shift in (10, 5, 0)], axis=-1)

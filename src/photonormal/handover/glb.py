@@ -1,4 +1,4 @@
-"""glTF 2.0 in one binary file: arrays and pictures after the JSON that tells about them."""
+"""glTF 2.0 in one binary file: arrays and pictures after the JSON that describes them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PIECE = 2**22  # bytes of a picture copied at a time
 
 
 class Buffer:
-    """The binary part of a file, and the lists that tell what lies in it; pictures lie in files of their own."""
+    """The binary part of a file, and the lists that show what lies in it; pictures lie in files of their own."""
 
     def __init__(self) -> None:
         self.parts: list[bytes | BinaryIO] = []
@@ -60,7 +60,7 @@ class Buffer:
         Raises
         ------
         InputError
-            If it would be larger than the format can tell.
+            If it would be larger than the format can hold.
         """
         content = {
             "asset": {"version": "2.0", "generator": "photonormal"},

@@ -60,7 +60,7 @@ def export_maps(
     overwrite: bool = False,
     exr: bool = False,
 ) -> Path:
-    """Write a folder of pictures that share its name, cut to the object, and NAME.json, which tells what they mean.
+    """Write a folder of pictures that share its name, cut to the object, and NAME.json, which shows what they mean.
 
     Base colour is sRGB in 8 bits, normals and height have 16, from the lowest to the highest; occlusion, roughness and
     metalness, the last two where the result has them, are linear in 8. They are made some rows at a time.

@@ -89,7 +89,7 @@ class Relief:
 
 
 def picture_rows(h: int, w: int) -> Iterator[slice]:
-    """Rows of a picture, as many at a time as the memory allows that `photonormal.files.memory` tells."""
+    """Rows of a picture, as many at a time as `photonormal.files.memory` allows."""
     rows = max(1, min(PIXELS, memory.allowed() // (SHARE * HELD)) // max(1, w))
     for y in range(0, h, rows):
         yield slice(y, min(y + rows, h))

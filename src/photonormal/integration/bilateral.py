@@ -25,7 +25,7 @@ CLEAR = 14.0  # no side is trusted by less than e^-14, so that parts of the surf
 STILL = 1e-3  # pixels by which the surface changes in a round that is the last
 CURL_DEG = 0.3  # error of normals, from whose curl on slopes count as no surface's
 DOUBTED = np.float32(1e-4)  # trust in edges of no surface
-HELD = np.float32(1e-6)  # weight by which every edge keeps its step where combined equations tell next to nothing
+HELD = np.float32(1e-6)  # weight by which every edge keeps its step where combined equations show next to nothing
 
 Along = Float[np.ndarray, "_ _"]
 
@@ -42,7 +42,7 @@ class Bilateral:
     bowl's narrow rim.
 
     These equations find the jumps, but are of first order where the surface bends, and take a normal at grazing view,
-    which tells little of its slope, nearly as seriously as any other. In the last rounds (`combined`) an edge has one
+    which shows little of its slope, nearly as seriously as any other. In the last rounds (`combined`) an edge has one
     equation: its slope is the mean of both ends where both trust it, its weight is by what errors of normals do to it,
     and edges that the surface contradicts lose theirs (Cauchy's weights).
 
@@ -230,7 +230,7 @@ class Equations:
         return system
 
     def moved(self, before: Float[np.ndarray, "h w"], z: Float[np.ndarray, "h w"]) -> float:
-        """How far on average, but for what all pixels moved together: of that normals tell nothing."""
+        """How far on average, but for what all pixels moved together: of that normals show nothing."""
         number = np.count_nonzero(self.mask)
 
         def summed(value: Callable[[np.ndarray], np.ndarray]) -> float:

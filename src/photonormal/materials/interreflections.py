@@ -3,7 +3,7 @@
 What a matt surface shows under light j is B_j = rho (s_j + F B_j), for s_j = max(n.l_j, 0) where no shadow falls and
 the form factors F of the surface found (Nayar, Ikeuchi and Kanade, Shape from interreflections, IJCV 1991). Photographs
 show an exposure times rho, which F B takes: rho = k a, for the albedo a in the unit of the images. Samples in shadow
-tell k, because they show no other light than k a F B, and light from everywhere.
+show k, because they show no other light than k a F B, and light from everywhere.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ SIDE = 64  # pixels of the longer side of the grid on which it is found
 LIGHTS = 32  # that are looked at, at most
 PIXELS = 2**20  # read at a time
 FILLED = 0.5  # of a square of pixels: it is on the grid
-STEEPEST = 0.05  # n.v below which it is not; |n.l| below which it is not told whether a light reaches it
+STEEPEST = 0.05  # n.v below which it is not; |n.l| below which it is unknown whether a light reaches it
 ROUNDS = 6  # of exposure, albedo and light between parts
 REWEIGHTED = 20  # rounds of least squares that find least absolute deviations
 WHITE = 0.95  # most that the brightest parts reflect
 SAMPLES = 200  # in shadow, which are needed
-EXPLAINED = 0.25  # of what shadows show beside light from everywhere: less, and nothing is told
+EXPLAINED = 0.25  # of what shadows show beside light from everywhere: less, and nothing is known
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Patches:
 def brightening(
     capture: Capture, normals: Normals, surface: Surface, albedo: Float[np.ndarray, "h w 3"]
 ) -> Brightening | None:
-    """By how much light between parts of the surface brightens an albedo; None where the photographs do not tell.
+    """By how much light between parts of the surface brightens an albedo; None where the photographs do not show it.
 
     They tell it where shadows show more light than what comes from everywhere, in the way that the surface found
     explains. The surface is taken for matt, and what lies behind it or outside the frame for black. The depth of parts
@@ -117,7 +117,7 @@ def brightening(
 
 
 def _factors(patches: Patches) -> tuple[Float[np.ndarray, "p c"], Float[np.ndarray, " c"]] | None:
-    """Measured over true albedo, and the exposure; None where it is not told."""
+    """Measured over true albedo, and the exposure; None where it is not known."""
     S = patches.cos.clip(0)
     hidden = shadows(patches.height, patches.parts, patches.L)
     dark = (patches.cos < -STEEPEST) | (hidden & (patches.cos > STEEPEST))  # (p, n)

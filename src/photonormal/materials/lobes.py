@@ -1,7 +1,7 @@
 """Two lobes at a pixel: I = (rho + pi F0 lobe) max(n.l, 0), matt and a GGX highlight; least squares for each roughness.
 
 F0 is what the surface reflects at right angles, in the unit of the albedo rho. What Schlick's law adds to it is at most
-(1 - cos 45 deg)^5 = 0.2 % of white for lights on the camera's side. It is left out: pictures do not tell what white is.
+(1 - cos 45 deg)^5 = 0.2 % of white for lights on the camera's side. It is left out: pictures do not show what white is.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ EXPLAINED = 0.2  # of what the matt part leaves: the highlight must explain so m
 SCARCE = 0.5  # share of a channel's samples below which it does not part both lobes: the other channels do
 BARE = 0.05  # share of the albedo in albedo + F0 below which there is no matt part
 BROADEST = 0.8  # roughness from which a highlight looks like what matt surfaces show
-CERTAIN = 0.8  # of what the matt part leaves, where the highlight is to tell that there is no matt part
-ALIKE = 0.98  # cosine between the samples of both lobes above which they can't be told apart
+CERTAIN = 0.8  # of what the matt part leaves, where the highlight is to show that there is no matt part
+ALIKE = 0.98  # cosine between the samples of both lobes above which they can't be separated
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class FittedLobes:
     albedo, F0 : not below zero
     alone : the albedo if there is no highlight
     told : the lights show a highlight that fits
-    certain : it fits so well, and so unlike a matt part, that it tells how much of that there is
+    certain : it fits so well, and so unlike a matt part, that it shows how much of that there is
     """
 
     albedo: Float[Tensor, "p c"]
@@ -85,7 +85,7 @@ def samples(
     L: Float[Tensor, "n 3"] | Float[Tensor, "p n 3"],
     saturated: Bool[Tensor, "p n c"],
 ) -> ReflectanceSamples:
-    """Samples and their weights: those in shadow are told by a low quantile of I / n.l over the lights."""
+    """Samples and their weights: those in shadow are found by a low quantile of I / n.l over the lights."""
     cos_l = cosines(N, L)
     facing = cos_l > STEEPEST
     count = facing.sum(1, keepdim=True)

@@ -33,8 +33,8 @@ PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache
 SHARE = 1 / 8  # of the memory for what is held of some rows at a time:
 SAMPLE, FOUND = 6, 240  # bytes of each sample, and of what is found of a pixel on the way
 FITTED = ("albedo", "F0", "alone", "told", "certain")
-AROUND = 5 * RADIUS  # rows that help to tell: neighbours choose the roughness, say if it is told, whether metal; blends
-SATURATED = 0.995  # of the largest sample, from which one tells too little
+AROUND = 5 * RADIUS  # rows that help to decide: neighbours choose the roughness, if it is known, if metal; blends
+SATURATED = 0.995  # of the largest sample, from which one shows too little
 MATT = 0.6  # share of the albedo in albedo + F0 above which nothing is a metal,
 TINTED = 0.3  # below which it is one where
 COLOURED = 0.4  # F0 of the channels differs by this much of the largest
@@ -77,7 +77,7 @@ def _pixels(capture: Capture) -> int:
 
 
 def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, around: slice, columns: slice) -> None:
-    """The maps in some rows, which those `around` them help to tell."""
+    """The maps in some rows, which those `around` them help to decide."""
     on = normals.mask[around, columns]
     if not on.any():
         return
@@ -173,8 +173,8 @@ def blended(
     matt: Bool[Tensor, " p"],
     where: Bool[Tensor, "h w"],
 ) -> Float[Tensor, "p c"]:
-    """The albedo, `rho` where it is told, else `alone`, which fades where both meet: a highlight does not end where it
-    is no longer told.
+    """The albedo, `rho` where it is known, else `alone`, which fades where both meet: a highlight does not end where it
+    is no longer known.
 
     By what it brightens told ones, the `matt` ones among them, it brightens untold ones near them, the less the farther
     they are off, and not more than their own samples say.

@@ -1,4 +1,4 @@
-"""What pixels tell together: sums over like ones near a pixel, how many of those near it are told, means."""
+"""What pixels show together: sums over like ones near a pixel, how many of those near it are known, means."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def pooled(values: Float[Tensor, "h w r"], colour: Float[Tensor, "h w c"], rows:
 
 
 def company(told: Bool[Tensor, "h w"], on: Bool[Tensor, "h w"]) -> Float[Tensor, "h w"]:
-    """The share of told pixels among those near a pixel that are on the object, itself included."""
+    """The share of known pixels among those near a pixel that are on the object, itself included."""
     counts = [avg_pool2d(which[None].float(), 2 * RADIUS + 1, 1, RADIUS)[0] for which in (told & on, on)]
     return counts[0] / counts[1].clamp(min=1e-6)
 

@@ -14,7 +14,7 @@ from photonormal.progress import progress
 from photonormal.shading import cosines
 from photonormal.types import Capture, Normals
 
-STEEPEST = 0.1  # n.l below which a sample tells little
+STEEPEST = 0.1  # n.l below which a sample shows little
 HIGH = 0.75  # quantile of I / n.l that lies in no shadow
 DARK = 0.1  # of that, below which a sample surely does
 MIDDLE = 0.6  # quantile of those left, the matt part at first: between highlights and shadows that other parts light
@@ -85,7 +85,7 @@ def robust(I: Float[np.ndarray, "p n c"], S: Float[np.ndarray, "p n"]) -> Float[
 
 
 def _matt_level(Y: Float[np.ndarray, "p n"], S: Float[np.ndarray, "p n"]) -> Float[np.ndarray, "p 1"]:
-    """Grey level over max(n.l, 0) without highlights and shadows, as a quantile tells it; 0 where no light is."""
+    """Grey level over max(n.l, 0) without highlights and shadows, as a quantile shows it; 0 where no light is."""
     facing = S > STEEPEST * S.max(1, keepdims=True)
     ratio = np.where(facing, Y, np.inf) / S.clip(1e-9)
     ratio.sort(1)

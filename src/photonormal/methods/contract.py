@@ -24,8 +24,8 @@ class Needs:
     Parameters
     ----------
     images : least number of them, each under its own light
-    lights : whether it has to be told the light directions; else it finds them, or does without
-    finds_lights : it returns them where they were not told
+    lights : whether it needs the light directions; else it finds them, or does without
+    finds_lights : it returns them where it was not given them
     reads : "pixels", each by itself; "stream", images one after the other; "object", all samples at once
     optimises : it learns while it measures, so gradients are kept
     double : it computes in double precision
@@ -48,7 +48,7 @@ class Observations:
     I : (p, n) grey levels, not negative; cut at 1, or at the 99th percentile of the capture where that is above 1
     keep : (p, n) bool, samples that are lit, by the whole capture's threshold
     L : (n, 3) unit lights, or (p, n, 3) where each pixel sees them elsewhere; None where they are unknown
-    metallic : tells whether light comes off the whole object in highlights alone
+    metallic : returns whether light comes off the whole object in highlights alone
     mask : (h, w) bool where these pixels lie, p of them; of a method by pixels, any shape
     pictures : the same samples as linear pictures (n, c, h, w), zero outside the mask; for methods of whole objects
     """
@@ -62,7 +62,7 @@ class Observations:
 
     @property
     def lights(self) -> Float[Tensor, "*l n 3"]:
-        """The lights of a method that has to be told them."""
+        """The lights of a method that needs them."""
         assert self.L is not None
         return self.L
 
@@ -137,18 +137,18 @@ class Streaming(Method, Protocol):
     fast: ClassVar[bool] | bool
     """Whether the network looks at half the resolution (`photonormal.methods.engine.halved`)."""
     exact: ClassVar[bool]
-    """Whether it computes in float32 on a processor unless it is told otherwise."""
+    """Whether it computes in float32 on a processor unless the user asks for another format."""
 
     def network(self) -> Any:
         """The network with its weights."""
         ...
 
     def lights_network(self) -> Any:
-        """The network that tells the lights under which the other looks; None where the method is told them."""
+        """The network that finds the lights under which the other looks; None where the method gets them."""
         ...
 
     def brightened(self, seen: Callable[[], Observations]) -> Float[Tensor, " n"] | None:
-        """Factors by which pictures are brighter than their lights' intensities say, told by some pixels, which the
+        """Factors by which pictures are brighter than their lights' intensities say, found from some pixels, which the
         network is to see divided by them; None where the method doesn't ask."""
         ...
 
@@ -162,6 +162,6 @@ class Prior(Protocol):
     ) -> Float[Tensor, "*b p 3"]:
         """Unit normals, zero where there is none, from grey levels and lights; leading batch dimensions are allowed.
 
-        `dark`: grey level below which a sample is in shadow; None: what these samples tell of it.
+        `dark`: grey level below which a sample is in shadow; None: what these samples show of it.
         """
         ...

@@ -27,7 +27,7 @@ from photonormal.progress import progress
 from photonormal.shading import angle_deg, cosines, over_lights, shade
 from photonormal.types import Capture, Normals
 
-LEAST_TOLD = 0.1  # degrees that a method tells: less says nothing
+LEAST_TOLD = 0.1  # degrees that a method estimates: less says nothing
 DIM = Trimmed(lowest=0.0, highest=0.35)
 
 
@@ -67,7 +67,7 @@ def evidence_of(
     some: Bool[np.ndarray, "h w"] | None = None,
     bent_deg: Float[np.ndarray, "h w"] | None = None,
 ) -> Float[Tensor, "p k"]:
-    """`Evidence` of every pixel that has a normal, or of some of them, and what the method tells itself."""
+    """`Evidence` of every pixel that has a normal, or of some of them, and what the method estimates itself."""
     some = normals.mask if some is None else some
     bent_deg = bend_deg(normals) if bent_deg is None else bent_deg
     L = all_lights(capture, device, torch.float32)

@@ -2,7 +2,7 @@
 
 What a pixel's samples say about its normal is put into a few numbers (`evidence`): how well a matt surface of that
 normal explains them, how much lies in shadow, how well the lights fix a normal, how far two cheap methods disagree;
-and what the method itself tells, where a network does. A calibration of each method, fitted to rendered scenes
+and what the method itself estimates, where a network does. A calibration of each method, fitted to rendered scenes
 (`benchmarks/expected.py --fit`), maps them to a mean error. Of a real object its true normals are known no better than
 its scan lies on its pictures, which rendered ones can't teach: where the surface turns, that adds to the error.
 """
@@ -55,8 +55,8 @@ def with_expected_error(
 ) -> Normals:
     """The normals that a method found, with how far each is expected to be off.
 
-    By the method's calibration; where it has none for these options, what the method tells itself, `told_deg` of the
-    pixels on the capture's mask, if it does.
+    By the method's calibration; where it has none for these options, by the method's own estimate, `told_deg` of the
+    pixels on the capture's mask, if there is one.
     `capture` is the one that was solved, or that one without the fall-off of its near lamps
     (`photonormal.methods.engine.near.seen_as_distant`), which saves doing it again. `shift` is 0 where true normals
     are exact, as rendered ones are.

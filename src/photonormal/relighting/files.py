@@ -52,7 +52,7 @@ def write(capture: Capture, kind: str, path: Path) -> None:
 
 
 def _stored(layers: list[Rows]) -> Iterator[tuple[slice, np.ndarray]]:
-    """Some rows after the other, while progress is told."""
+    """Some rows after the other, while progress is reported."""
     with progress("file", layers[0].shape[0]) as advance:
         for rows, C in pieces(layers):
             yield rows, C

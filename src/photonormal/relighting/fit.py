@@ -18,11 +18,11 @@ from photonormal.srgb import from_linear
 from photonormal.types import Capture, InputError, Mask
 
 FEWEST = 6  # terms of a fit, those of ptm
-ROWS = 256  # of each photograph that tell what is white
+ROWS = 256  # of each photograph that show what is white
 BRIGHTEST = 0.999  # share of the samples that are at most white
 PIXELS = 2**17  # fitted at a time: memory that is asked for anew costs more than reading in smaller parts
 BLOCK = 2**15  # samples encoded at a time: they fit into a cache
-RIDGE = 1e-4  # about the squared error that 8 bits leave, over white: what lights tell less of stays short
+RIDGE = 1e-4  # about the squared error that 8 bits leave, over white: what lights show less of stays short
 PIECE = 2**20  # numbers of all layers that are worked on at a time
 
 
@@ -30,7 +30,7 @@ PIECE = 2**20  # numbers of all layers that are worked on at a time
 class RelightingFit:
     """The least-squares fit of a capture's photographs, as they look on a screen, by a basis.
 
-    Coefficients C minimise |B C - I|^2 + ridge trace(B'B) |C|^2, so that those stay short that lights tell little of:
+    Coefficients C minimise |B C - I|^2 + ridge trace(B'B) |C|^2, so that those stay short that lights show little of:
     long ones, which cancel each other under the lights that there are, would be stored too coarsely.
 
     Raises

@@ -39,7 +39,7 @@ def intensities(
     Parameters
     ----------
     capture : folder or `.lp` file, as for `photonormal.load`, which `how` is passed on to; of near lamps the object's
-        own shading tells what they send out, the board what arrives at its distance
+        own shading shows what they send out, the board what arrives at its distance
     out : `light_intensities.txt`, which is read where it lies beside the photographs
     reference : folder with photographs of a matt white or grey board that faces the camera, under the same lights in
         the same order, or of the same names; read and corrected as the object's. Without it and `region`, intensities
@@ -128,7 +128,7 @@ def _of_lamps(near: Near) -> np.ndarray:
     from photonormal.calibration.intensities import self_calibrated
 
     e = np.ones(len(near.vectors))
-    for _ in range(3):  # how light falls off over the object is told from pictures of equal lamps
+    for _ in range(3):  # how light falls off over the object is found from pictures of equal lamps
         e = e * self_calibrated(near.showing(near.levels / e).seen(), near.directions())[0]
     return e
 

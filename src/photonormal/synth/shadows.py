@@ -1,4 +1,4 @@
-"""Cast shadows of solids of which each pixel's ray tells three heights.
+"""Cast shadows of solids of which each pixel's ray shows three heights.
 
 They are those of the visible surface, of where the ray leaves the solid behind it, and of where it enters it again;
 below that all is taken as solid.

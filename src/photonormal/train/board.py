@@ -1,4 +1,4 @@
-"""A training's curves for TensorBoard, written when they are told: a full disk is an error here, not in a thread."""
+"""A training's curves for TensorBoard, written when they come: a full disk is an error here, not in a thread."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a training tells: a progress bar with rate and time left, lines of JSON, and TensorBoard."""
+"""What a training reports: a progress bar with rate and time left, lines of JSON, and TensorBoard."""
 
 from __future__ import annotations
 

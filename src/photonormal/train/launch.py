@@ -38,7 +38,7 @@ def launched(device: str, precision: Precision, changing: bool = False) -> Any:
             from lightning.fabric import Fabric  # type: ignore[import-not-found]
         except ImportError:
             raise InputError("training needs Lightning Fabric; install it: pip install 'photonormal[train]'.") from None
-    logging.getLogger(Fabric.__module__.rpartition(".")[0]).setLevel(logging.WARNING)  # it tells of its precision
+    logging.getLogger(Fabric.__module__.rpartition(".")[0]).setLevel(logging.WARNING)  # it prints its precision
     kind = torch_device(device).type
     processes = int(os.environ.get("LOCAL_WORLD_SIZE", 1))
     nodes = int(os.environ.get("WORLD_SIZE", processes)) // processes

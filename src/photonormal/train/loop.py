@@ -62,7 +62,7 @@ def train(
     recipe : a key of photonormal.train.recipes.RECIPES, or a Recipe
     out : folder of the checkpoint, the journal (journal.jsonl, TensorBoard) and the weights
     minutes : of learning by the clock, earlier runs of a resumed training counted in; the schedule stretches to them.
-        At least one step is learned. Rendering the exams and taking the last of them come on top, and are told
+        At least one step is learned. Rendering the exams and taking the last of them come on top, and are printed
     steps : length in place of the recipe's
     resume : go on from the checkpoint in `out`
     device : "auto", "cpu" or "cuda"

@@ -122,13 +122,13 @@ def drawn_intensities(recipe: Recipe, shape: torch.Size, draw: torch.Generator) 
 
 @cache
 def teller_of_lights(name: str, device: torch.device) -> LightsNet:
-    """The network that tells lights, of the package's weights."""
+    """The network that finds lights, of the package's weights."""
     return load_network(shipped(name), "lightsnet", device)
 
 
 @torch.no_grad()
 def under_told(net: LightsNet, images: Tensor, mask: Tensor) -> tuple[Tensor, Tensor]:
-    """Images (b, k, c, h, w) of whole objects over the intensities that a network tells, and directions (b, k, 3)."""
+    """Images (b, k, c, h, w) of whole objects over the intensities that a network gives, and directions (b, k, 3)."""
     told = looked(net, images, mask)
     return images / told.log_intensities.exp()[..., None, None, None].to(images), told.directions
 

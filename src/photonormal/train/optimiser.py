@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from photonormal.train.recipes import Recipe
 
-NARROW = 32  # rows or columns of a matrix below which Adam moves it: what a network reads and what it tells
+NARROW = 32  # rows or columns of a matrix below which Adam moves it: what a network reads and what it gives
 
 
 class Optimiser:

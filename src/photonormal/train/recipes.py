@@ -46,7 +46,7 @@ class Recipe:
     learn : the part of the network that learns, by the first letters of its parameters' names; "": all
     gain : factors between which the exposure of a sample is drawn
     intensities : factors between which the intensity of each light is drawn, for a network that learns lights
-    lights : name of the package's weights of a network that tells lights: under those it learns, directions and
+    lights : name of the package's weights of a network that finds lights: under those it learns, directions and
         intensities; "": under the true ones
     turns : quarter turns and mirror images of every batch; where `pixels` are drawn, any turn, each pixel its own
     pixels : drawn of each sample by chance, for a network that sees each by itself; 0: all, as pictures
@@ -217,7 +217,7 @@ NORMALNET_HOLLOW = replace(
     NORMALNET_ON, stream="train-and-hollow-metal", lr=5e-5, muon=0.001, exams=(*NORMALNET_ON.exams, "hollow-metal")
 )
 
-# whole objects, lights exactly known: what a network learns to tell of them
+# whole objects, lights exactly known: what a network learns to say of them
 LIGHTS = replace(
     OURS,
     network="lightsnet",
@@ -237,7 +237,7 @@ LIGHTS = replace(
     intensities=(0.5, 2.0),
 )
 
-# SDPS-Net's second network: whole objects, as the network that tells lights needs them
+# SDPS-Net's second network: whole objects, as the network that finds lights needs them
 UNDER_TOLD: dict[str, Any] = {
     "lights": "sdps-lights",
     "rendering": LIGHTS.rendering,

@@ -80,7 +80,7 @@ class Marking:
         self.lights = self._given_lights()
 
     def about(self) -> dict[str, Any]:
-        """What the page is told, values of JSON."""
+        """What the page gets, values of JSON."""
         h, w = self.images.shape[1:3]
         return {
             "title": self.folder.resolve().name,
@@ -119,7 +119,7 @@ class Marking:
         }
 
     def save(self, marks: Marks) -> dict[str, Any]:
-        """Write what was marked into the folder, all files at once; tells those that exist unless `overwrite`."""
+        """Write what was marked into the folder, all files at once; names those that exist unless `overwrite`."""
         kept = [j for j in range(len(self.names)) if j not in set(marks.left_out)]
         if len(kept) < 3:
             raise InputError(f"{len(kept)} pictures are left but normals need at least 3; leave fewer out.")
@@ -173,7 +173,7 @@ class Marking:
     def _look(self, circles: list[Circle], read: Photograph, shape: tuple[int, ...]) -> Sphere:
         where = self.folder.resolve().name
         if shape[:2] != self.images.shape[1:3]:
-            where += f" at 1/{self.step} of its size"  # in whose pixels it is told what is wrong
+            where += f" at 1/{self.step} of its size"  # in whose pixels it is said what is wrong
         return look_at_spheres(read, shape[:2], self.names, where, circles=circles)[0]
 
     def _suggested(self) -> tuple[np.ndarray, str]:

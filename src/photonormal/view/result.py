@@ -89,7 +89,7 @@ class ViewedResult:
     Parameters
     ----------
     layers : name -> plane: normals, albedo, height, expected, error, as far as the folder has them
-    about : what the page is told of it besides the tiles, values of JSON
+    about : what the page gets of it besides the tiles, values of JSON
     photographs : None where the capture is not at hand
     """
 

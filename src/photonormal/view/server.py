@@ -33,8 +33,8 @@ HOST = "127.0.0.1"
 
 
 def application(token: str) -> FastAPI:
-    """An application without pages yet, whose answers are never kept or taken for something else; what can't be read
-    is told."""
+    """An application without pages yet, whose answers are never kept or taken for something else; it says what it
+    can't read."""
     app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
 
     @app.middleware("http")

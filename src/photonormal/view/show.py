@@ -32,7 +32,7 @@ PHOTOGRAPH_SIDE = 1024  # pixels of the longest side of them
 
 
 def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None = None) -> bytes:
-    """The page of the results that the dictionaries tell about; without `tiles` it asks for them where it came from."""
+    """The page of the results that the dictionaries describe; without `tiles` it asks for them where it came from."""
     data = {"results": list(results), "tiles": tiles, "colours": ramp(), **units()}
     title = ", ".join(r["title"] for r in results)
     scripts = [read(f"{name}.js") for name in SCRIPTS]
@@ -42,7 +42,7 @@ def result_page(results: Sequence[dict[str, Any]], tiles: dict[str, str] | None 
 
 
 def marking_page(about: dict[str, Any]) -> bytes:
-    """The page that marks the photographs that the dictionary tells about."""
+    """The page that marks the photographs that the dictionary describes."""
     scripts = [read(f"{name}.js") for name in ("base", "source", "gl", "tiles", "light", "brush", "mark", "marking")]
     data = {"tiles": None, **about}
     styles = [read("view.css"), read("mark.css")]

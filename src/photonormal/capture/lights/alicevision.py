@@ -44,7 +44,7 @@ class LightsFile(msgspec.Struct):
 
 
 def read(path: Path) -> LightTable:
-    """Directions, and intensities where all lights tell theirs."""
+    """Directions, and intensities where all lights have theirs."""
     lights = read_json(path, LightsFile, NEEDED).lights
     if any(light.type != "directional" for light in lights):
         raise InputError(f"{path} holds lights of type {lights[0].type} but directional ones are needed; export those.")

@@ -24,8 +24,8 @@ SHOWN = 8  # names in a message
 def in_order_of(pictures: Sequence[str], listed: Listed) -> tuple[list[int], list[int], list[str]]:
     """Which pictures have lights, which rows of the list those are, and what the user should know.
 
-    Pictures are told by name. A list that names none of them goes by order: it was made with other pictures under the
-    same lights, such as those of a mirror sphere. A list that names only some chooses those.
+    Pictures are matched by name. A list that names none of them goes by order: it was made with other pictures under
+    the same lights, such as those of a mirror sphere. A list that names only some chooses those.
 
     Raises
     ------

@@ -55,7 +55,7 @@ def long_directions(vectors: np.ndarray | None, lamps: Lamps | None) -> list[str
         return []
     with np.errstate(all="ignore"):
         length = np.linalg.norm(vectors, axis=1)
-    if not LONG <= length.min() <= length.max() <= UNEQUAL * length.min():  # unequal ones are told as they are read
+    if not LONG <= length.min() <= length.max() <= UNEQUAL * length.min():  # the reader remarks on these
         return []
     return [
         f"the lights' vectors are {np.median(length):.3g} long and were taken for directions; if they are positions in "

@@ -30,7 +30,7 @@ class LightTable:
     names : what the rows are called, which may be numbers; empty: nothing
     numbers : (n, k)
     columns : what the k columns are called, where there is a header
-    intensities : (n, 1 or 3), where the file tells them
+    intensities : (n, 1 or 3), where the file has them
     notes : what the user should know, a sentence each
     """
 
@@ -148,7 +148,7 @@ def _from_angles(angles: np.ndarray, kind: str, path: Path) -> np.ndarray:
 
 
 def _doubts(v: np.ndarray, path: Path) -> list[str]:
-    """What speaks against directions: row numbers and two angles are refused, lengths that differ much are told."""
+    """What speaks against directions: row numbers and two angles are refused, lengths that differ much get a remark."""
     if len(v) > 2 and _row_numbers(v[:, 0]) and np.abs(v[:, 1:]).max() > 2:
         raise InputError(
             f"{path} counts its rows and has two more numbers, such as {v[0, 1]:g} and {v[0, 2]:g}, but x, y, z are "

@@ -22,7 +22,7 @@ class Monotonic:
     """The elevation angle at which rho = I / n.l grows most steadily with n.h, along a known azimuth.
 
     A BRDF of one lobe falls off as the half vector leaves the normal, and only the right elevation orders all samples
-    so. Strong on metal, where highlights tell the elevation; weak on matt surfaces under a narrow cone of lights, where
+    so. Strong on metal, where highlights show the elevation; weak on matt surfaces under a narrow cone of lights, where
     many elevations do. There the flattest rho wins. Needs 6 lights.
 
     Parameters

@@ -29,7 +29,7 @@ def run(method: Method, capture: Capture, device: torch.device, rows: slice | No
 
 
 def prepared(method: Method, capture: Capture) -> Capture:
-    """The capture as a method that is told the lights is to see it; its notes say what was done.
+    """The capture as a method that knows the lights is to see it; its notes say what was done.
 
     Dark pictures that were cut off to whole grey levels get back what that took (`engine.cutoff`). Where the method
     asks for it, pictures are divided by what they are brighter than their lights' intensities say (`engine.evened`).

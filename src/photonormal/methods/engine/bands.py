@@ -31,7 +31,7 @@ class Look(NamedTuple):
 
 
 def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
-    """All passes over a window, some rows at a time: what the network tells of its core."""
+    """All passes over a window, some rows at a time: what the network finds of its core."""
     rows, columns = window.seen
     firsts = range(rows.start // task.band * task.band, rows.stop, task.band)
     parts = [slice(max(y, rows.start), min(y + task.band, rows.stop)) for y in firsts]
@@ -52,7 +52,7 @@ def looked(net: PixelNetwork, task: Task, window: Window) -> Iterator[tuple[Span
 def one_pass(
     net: PixelNetwork, task: Task, look: Look, samples: Callable[[Span], PixelSamples], found: Iterable[Band]
 ) -> Iterator[Band]:
-    """What the network tells of a window, a band of rows at most at a time, from the last pass's normals and memory.
+    """What the network gives of a window, a band of rows at most at a time, from the last pass's normals and memory.
 
     Rows come in order, and go when those around them are there, too. `samples` gives those of some rows.
     """

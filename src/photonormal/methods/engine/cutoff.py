@@ -22,7 +22,7 @@ from photonormal.types import Capture, Image, Images, window_of
 MIDDLE = 0.75  # levels: above black, which is stored as 0.5, and below the next level
 WHOLE = 0.1  # by which samples are off whole numbers, at most, where a file holds them
 COARSE = 10.0  # median sample that is not black, in levels, below which zeros are looked at
-FEWEST, SPREAD = 20, 0.1  # lights, and relative deviation of their intensities, that can tell
+FEWEST, SPREAD = 20, 0.1  # lights, and relative deviation of their intensities, that suffice
 MIDDLING = 0.35, 0.85  # quantiles of a pixel's shading between which its samples are taken: no shadow, no highlight
 LOST, MOST = 0.22, 0.8  # levels that samples lack, for a half to be given back
 SURE = 0.1  # largest deviation of how many they lack
@@ -30,7 +30,7 @@ TRIES, OUTLIERS, FAR = 1000, 0.4, 4.0  # of a few lights each; share of images t
 
 
 def given_back(capture: Capture) -> Capture:
-    """The capture without what whole grey levels took; itself where files hold levels enough, or can't tell.
+    """The capture without what whole grey levels took; itself where files hold levels enough, or don't show it.
 
     Its notes say what was done: half a level was added to samples that were cut off; black that was stored as half a
     level is black; and in dark pictures, zeros are what `engine.zeros` expects.
@@ -100,7 +100,7 @@ class Quantisation:
         return grey_samples(self.size).astype(float)
 
     def uneven(self) -> bool:
-        """Whether lights differ enough, and are enough, to tell what samples lack."""
+        """Whether lights differ enough, and are enough, to show what samples lack."""
         return len(self.grey) >= FEWEST and bool(self.grey.std() >= SPREAD * self.grey.mean())
 
 

@@ -33,7 +33,7 @@ ROWS = 256  # of half the resolution, carried at a time
 
 
 def halved(method: Streaming, capture: Capture, device: torch.device) -> Solution:
-    """What a method's network tells at half the resolution, carried to the full one."""
+    """What a method's network gives at half the resolution, carried to the full one."""
     net, box = method.network(), Box.of(capture, 2)
     look = first_look(net.scaling, capture, box, device, prior_named(method.prior or net.config.prior))
     small = half_of(capture, box, in_grey=net.scaling == "grey")

@@ -1,4 +1,4 @@
-"""Some of a capture's pixels, evenly spaced on a few rows: what is told of the whole capture is told by these."""
+"""Some of a capture's pixels, evenly spaced on a few rows; they stand for the whole capture."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def refuse_alike(capture: Capture) -> None:
     """InputError where all pictures show the same, whatever their light, and not just black."""
     n, first = capture.images.shape[0], _middle(capture, 0)
     if not first.any() or any((_middle(capture, j) != first).any() for j in range(1, n)):
-        return  # as a rule the second picture tells
+        return  # as a rule the second picture shows
     shown = of_some(capture, lambda samples, j: samples)
     if (shown == shown[0]).all():
         raise InputError(

@@ -21,8 +21,8 @@ from photonormal.types import Camera, Capture, Image, InputError, Lamps, LightsA
 class UnderLamps:
     """A method under near lamps, as exact as it is under distant ones where the integration recovers the surface.
 
-    Where the surface lies tells how much light each lamp sends to each pixel, by which samples are divided, and from
-    which side; the method's normals then tell where the surface lies. A plane comes first. Each connected part of the
+    Where the surface lies shows how much light each lamp sends to each pixel, by which samples are divided, and from
+    which side; the method's normals then show where the surface lies. A plane comes first. Each connected part of the
     mask stays at the mean depth, and how far the depth jumps is a guess. In a perspective view each pixel is solved in
     a frame whose z is its own view.
 

@@ -63,7 +63,7 @@ def whole_object(method: Solver, capture: Capture, device: torch.device) -> Solu
 
 
 class Band(NamedTuple):
-    """Some rows of the mask, and what is told of the whole capture."""
+    """Some rows of the mask, and what is known of the whole capture."""
 
     I: Float[Tensor, "p n"]  # grey levels, not cut
     first: int  # number of the first pixel, among all or those chosen

@@ -36,7 +36,7 @@ SEEN = 2**21  # pixels, of all images together, that other devices than a proces
 
 
 def streamed(method: Streaming, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
-    """What a method's networks tell of a capture, or of some rows of it."""
+    """What a method's networks give of a capture, or of some rows of it."""
     first = None
     if (net := method.lights_network()) is not None:
         check_findable(capture)
@@ -57,7 +57,7 @@ def measured(
     passes: int = 1,
     rows: slice | None = None,
 ) -> Solution:
-    """What a network tells of a capture, on `device` (where it is moved).
+    """What a network gives of a capture, on `device` (where it is moved).
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def samples_seen(net: Network, capture: Capture, box: Box, windows: list[Window]
 
 
 def looked(net: Network, task: Task, window: Window) -> Iterator[tuple[Span, Float[Tensor, "d h w"]]]:
-    """All passes over a window: what the network tells of its core."""
+    """All passes over a window: what the network finds of its core."""
     core, found = window.core, task.look.prior[window.seen][None]  # (1, d, h, w), the last pass's, or the prior
     for following in reversed(range(task.passes)):
         before, window = window, window.narrowed((following + 1) * net.reach)
@@ -123,7 +123,7 @@ def looked(net: Network, task: Task, window: Window) -> Iterator[tuple[Span, Flo
 def one_pass(
     net: Network, task: Task, window: Window, found: Float[Tensor, "1 d h w"]
 ) -> Iterator[Float[Tensor, "1 e h w"]]:
-    """One look at every image: what the network tells in each turn, from the last pass's normals and memory."""
+    """One look at every image: what the network gives in each turn, from the last pass's normals and memory."""
     capture, box, look, device = task.capture, task.box, task.look, task.device
     n = capture.images.shape[0]
     mask = box.mask[window.seen][None, None].to(device)  # (1, 1, h, w)
@@ -141,7 +141,7 @@ def one_pass(
 
 
 class Turn:
-    """A network that looks at a window in one of four quarter turns: images go in, what it tells comes out."""
+    """A network that looks at a window in one of four quarter turns: images go in, what it finds comes out."""
 
     def __init__(
         self, net: Network, quarters: int, prior: Float[Tensor, "1 d h w"], L: Float[Tensor, "n 3 *hw"]
@@ -162,7 +162,7 @@ class Turn:
         return turned(L, self.quarters, 1)[None] if L.ndim == 2 else turned_map(L, self.quarters)[None]
 
     def result(self, n: int) -> Float[Tensor, "1 d h w"]:
-        """What the network tells after all n images, turned back; what was pooled is then forgotten."""
+        """What the network gives after all n images, turned back; what was pooled is then forgotten."""
         pooled, self.pooled = self.pooled, None
         with inner_precision(self.device):
             told = self.net.decode(pooled, n, self.shared)

@@ -21,7 +21,7 @@ class Task:
     rotations : quarter turns of the images that are averaged over
     passes : how often the network looks
     band : rows that are looked at together by a network that sees pixels by themselves
-    advance : is told how many samples were looked at
+    advance : is called with how many samples were looked at
     """
 
     capture: Capture

@@ -32,7 +32,7 @@ def turned_map(v: Float[Tensor, "*b d h w"], quarters: int) -> Float[Tensor, "*b
 
 
 def mean(told: Iterable[Float[Tensor, "1 d h w"]]) -> Float[Tensor, "1 d h w"]:
-    """The mean of what several turns tell; unit normals."""
+    """The mean of what several turns give; unit normals."""
     total, turns = torch.zeros(()), 0
     for one in told:
         total, turns = total + one, turns + 1

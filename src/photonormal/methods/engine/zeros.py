@@ -1,8 +1,8 @@
-"""Zeros in dark pictures: most are no shadows, but less light than a level. What it was is told by the pixel's others.
+"""Zeros in dark pictures: most are no shadows, but less light than a level. The pixel's other samples say what it was.
 
 Each pixel gets a matt shading b.l, fitted to its samples; a zero is known to lie between 0 and a level, so its value is
 the shading's, cut to that (a censored regression, by expectation and maximisation). Where the shading says much more
-than a level, a zero is a shadow. Pixels most of whose samples are zero tell too little, and keep them.
+than a level, a zero is a shadow. Pixels most of whose samples are zero show too little, and keep them.
 """
 
 from __future__ import annotations
@@ -145,6 +145,6 @@ def expectation(P: Float[Tensor, "*p"]) -> tuple[Float[Tensor, "*p"], Float[Tens
 
 
 def fitted(w: Float[Tensor, "p n"], y: Float[Tensor, "p n"], L: Float[Tensor, "n 3"]) -> Float[Tensor, "p 3"]:
-    """Weighted least squares, a little short where the lights tell little."""
+    """Weighted least squares, a little short where the lights show little."""
     A = w @ pairs(L) + 1e-4 * w.mean(1, keepdim=True) * w.new_tensor([1, 0, 0, 1, 0, 1])
     return symmetric_product(symmetric_inverse(A)[0], (w * y) @ L)

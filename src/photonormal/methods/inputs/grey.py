@@ -1,4 +1,4 @@
-"""Grey levels of images, and what they are told by: shadow, metal, rank. Stated here and nowhere else."""
+"""Grey levels of images, and what they decide: shadow, metal, rank. Stated here and nowhere else."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def grey_samples(samples: Float[np.ndarray, "p c"]) -> Float[np.ndarray, " p"]:
 
 
 def telling(mask: Bool[np.ndarray, "h w"], n: int) -> Bool[np.ndarray, "h w"]:
-    """Evenly spaced pixels of a mask, which tell the levels of n images: on some rows where a capture is large."""
+    """Evenly spaced pixels of a mask, which show the levels of n images: on some rows where a capture is large."""
     lines = np.flatnonzero(mask.any(1))
     step = max(1, min(int(mask.sum()) * n // AMONG, len(lines)))
     found = np.zeros_like(mask)

@@ -2,7 +2,7 @@
 
 The way back is only learned from: normals that do not explain the images cost more (`photonormal.train.objective`).
 The paper's table of layers is not at hand: these are of the kind that its authors' GR-PSN reconstructs images with. In
-place of a known material the way back is told what the images showed in common.
+place of a known material the way back gets what the images showed in common.
 """
 
 from __future__ import annotations

@@ -49,7 +49,7 @@ class SharedFrame(NamedTuple):
 
     frame: PriorFrame
     shading: Tensor | None  # (b, h, w) root mean square of max(n.l, 0) of the prior over all lights
-    recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass tells the encoder
+    recalled: Tensor | None = None  # (b, h, w, hidden) what an earlier pass hands to the encoder
 
 
 def lights_in_frame(
@@ -101,7 +101,7 @@ def tokens(
 
 
 class Encoder(nn.Sequential):
-    """Each image of a pixel by itself; what an earlier pass tells joins it in the first layer.
+    """Each image of a pixel by itself; what an earlier pass found joins it in the first layer.
 
     That layer computes in float32 on any machine: bf16 would round what it reads, and dark pictures most.
     """

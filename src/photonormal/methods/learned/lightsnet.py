@@ -1,6 +1,6 @@
 """Lights from photographs alone: after LCNet of SDPS-Net (Chen, Han, Shi, Matsushita, Wong, CVPR 2019).
 
-Each image gives features, whose maximum over the images tells what the object is like; with both, each image tells its
+Each image gives features, whose maximum over the images shows what the object is like; with both, each image shows its
 light: direction and intensity as distributions over bins, whose means are between the bins.
 """
 
@@ -41,7 +41,7 @@ class LightsConfig:
 
 
 class BinnedLights(NamedTuple):
-    """What is told of the lights of k images: logarithms of shares of the bins, up to one number for each image.
+    """What is found of the lights of k images: logarithms of shares of the bins, up to one number for each image.
 
     The first angle is atan(x / z), the second asin(y), both from -90 to 90 degrees.
     """

@@ -33,7 +33,7 @@ class Model(nn.Module):
     learns : "normals" (a `Network`), or "lights" (`learned.lightsnet`)
     scaling : what the images are divided by, so that exposure changes nothing: "exposure" (mean over the object),
         "channels" (each pixel's and channel's root mean square over the images) or "grey" (that of its grey level)
-    exact : whether it computes in float32 on a processor unless it is told otherwise, where bf16 saves it no time
+    exact : whether it computes in float32 on a processor unless the user asks for another format: bf16 saves it no time
     widens : whether `width` alone counts its channels and it holds only convolutions and concatenations, so that a
         network half as wide can begin it (`photonormal.train.begin`)
     Config : the frozen dataclass that `config` is one of
@@ -155,7 +155,7 @@ class PixelNetwork(Network):
 
     @abstractmethod
     def steps(self, n: int) -> list[Step]:
-        """What `look` does after n images; the last step gives what it tells."""
+        """What `look` does after n images; the last step gives its answer."""
 
     @property
     def reach(self) -> int:  # type: ignore[override]

@@ -32,7 +32,7 @@ from photonormal.types import InputError
 WEIGHT = 4.0  # logarithm of the largest weight of an image in a weighted mean; the least is its inverse
 POLISH = 64  # channels of the layers that correct the normals in the picture's axes
 SMALL = 1e-3  # deviation of weights that start near zero: what the network returns is its prior
-DOUBT = 32  # channels of the layer that tells the expected error
+DOUBT = 32  # channels of the layer that gives the expected error
 LEAST_DEG = 0.3  # expected error; a true one over an expected one of nearly nothing would swamp all other gradients
 
 
@@ -45,14 +45,14 @@ class NormalNetConfig:
     prior : the classical method that gives the frame
     hidden, features : channels of the encoder's first two layers, and of its last
     width, layers : channels and number of the 3 x 3 layers before the last one
-    expected : also tell the expected angular error of each normal
+    expected : also give the expected angular error of each normal
     memory : channels that a pass hands to the next one beside its normals, for the encoder to look at each image
         with what was learned from the others
     coarse : layers at a quarter of the resolution, which see 20 pixels around; 0: none
     far : residual blocks at an eighth of the resolution, two see 80 pixels around; 0: none; only with `coarse`
     attention : groups of features, each with a mean over the images weighted by a learned score beside the even one;
         after the first pass the scores know, by its memory, what the other images show; 0: none
-    compass : tell the layers that look around where each prior points in the picture, not only how it slants, so that
+    compass : show the layers that look around where each prior points in the picture, not only how it slants, so that
         neighbours can be compared (a bump from a hollow); and polish the normals in the picture's axes
     level : bring a pixel's features to one root mean square wherever the network begins to look around
     """

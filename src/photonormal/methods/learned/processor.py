@@ -76,7 +76,7 @@ def knows_bf16(device_type: str) -> bool:
     if platform.machine().lower() in ("aarch64", "arm64"):
         return torch.ops.mkldnn._is_mkldnn_bf16_supported()
     known = (getattr(torch.cpu, f"_is_{name}_supported", None) for name in ("avx512_bf16", "amx_tile"))
-    return any(ask() for ask in known if ask is not None)  # a torch that can't tell: float32
+    return any(ask() for ask in known if ask is not None)  # a torch that can't say: float32
 
 
 def keep_freed_memory() -> None:

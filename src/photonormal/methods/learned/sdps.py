@@ -20,7 +20,7 @@ class SDPS(Learned):
 
     The lights' network is `lightsnet`, and the normals' is PS-FCN: it reads the directions that the first told, on
     images that are divided by its intensities. Neither is corrected by the other. PS-FCN has the weights of `psfcn`,
-    which learned under lights that are off by a degree; minutes under lights that the first told made it worse.
+    which learned under lights that are off by a degree; minutes under lights that the first found made it worse.
 
     Parameters
     ----------

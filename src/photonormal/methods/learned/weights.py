@@ -36,7 +36,7 @@ NETWORKS = {  # name -> "module:Class", imported only when asked for
 }
 
 SHIPPED = Path(__file__).parent / "weights"
-LIGHTS = "sdps-lights"  # the weights there that tell lights
+LIGHTS = "sdps-lights"  # the weights there that find lights
 
 
 def build(network: str, config: dict) -> Any:

@@ -1,4 +1,4 @@
-"""Albedo tells what matt shading leaves open: in a wrong frame (`frame.py`) it follows the normals.
+"""Albedo shows what matt shading leaves open: in a wrong frame (`frame.py`) it follows the normals.
 
 Of most objects it is the same over large parts, or changes at edges (after N. Alldrin, S. Mallick, D. Kriegman, CVPR
 2007).

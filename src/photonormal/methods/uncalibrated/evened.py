@@ -1,5 +1,5 @@
 """Pictures that are clearly brighter or darker than the intensities of their lights say, as of a flash that was not
-charged: they are divided by that factor, which the object's own shading tells.
+charged: they are divided by that factor, which the object's own shading shows.
 
 Semi-calibrated photometric stereo (D. Cho, Y. Matsushita, Y.-W. Tai, I. Kweon, ECCV 2016), robust: normals n and albedo
 rho from the pictures over the factors e, then e_j = median over pixels of I_pj / (rho_p n_p.l_j), in turn. A factor
@@ -24,7 +24,7 @@ from photonormal.shading import cosines, normalised
 
 LEAST = 8  # lights
 ROUNDS, AGREE = 8, 0.003  # and change of the factors' logarithms, after which they have settled
-FACING = 0.2  # cosine from which on a sample tells its light's factor
+FACING = 0.2  # cosine from which on a sample shows its light's factor
 OFF, SPREADS = 0.1, 4.0  # logarithm of a factor, and in spreads of all lights', from which on it counts
 MOST, SHARE = 0.8, 0.4  # logarithm, and share of the lights: beyond, something else is wrong
 STRAY = 0.2  # logarithm of a sample over its shading, up to which it counts as misfit
@@ -32,8 +32,8 @@ MATT = 0.06  # misfit beyond which shading doesn't explain the object
 BETTER, OTHER = 0.9, 0.95  # of the misfit is left at most with the factors; from another start, which is taken then
 CLEAR = 2.0  # deviations of a picture's samples that its factor has at least
 PLACES, TURNS = 3, 3  # parts of the object along each side, and by the angle to where a mirror would show the light
-OF_PART, PARTS = 30, 5  # samples that tell in a part, and parts that have so many
-SHARED = 0.5  # of the factor's logarithm, that each of these parts tells at least
+OF_PART, PARTS = 30, 5  # samples that show in a part, and parts that have so many
+SHARED = 0.5  # of the factor's logarithm, that each of these parts shows at least
 
 
 @by_one_thread()
@@ -88,7 +88,7 @@ class FactorResidual:
 
     Parameters
     ----------
-    q : (p, n) log I / (e rho n.l) where a sample tells its light's factor; nan elsewhere
+    q : (p, n) log I / (e rho n.l) where a sample shows its light's factor; nan elsewhere
     aside : (p, n) cosine of the normal's angle to where a mirror would show the light
     """
 
@@ -123,7 +123,7 @@ class FactorResidual:
         return float(self.q.abs().clamp(max=STRAY).nanmean())
 
     def shares(self, j: int, log_e: float, shown: ShownPixels) -> bool:
-        """Whether all parts of the object, by place and by orientation, tell much the same factor of light j."""
+        """Whether all parts of the object, by place and by orientation, show much the same factor of light j."""
         tells = self.q[:, j].isfinite()
         left = self.q[tells, j]
         if len(left) < OF_PART or CLEAR * left.abs().median() > abs(log_e):

@@ -1,9 +1,9 @@
 """The frame that normals and lights share: photographs of a matt surface are the same after any linear map of both.
 
-I = b.s for scaled normals b and lights s, and so it is for b (1 + E)^-T and s (1 + E). E is told by few things, to
+I = b.s for scaled normals b and lights s, and so it is for b (1 + E)^-T and s (1 + E). Few things say what E is, to
 first order. The normals are a surface's, so their slopes have no curl: A. Yuille, D. Snow, CVPR 1997; that leaves the
 generalised bas-relief maps, and is as certain as the parts of the picture agree. And the lights lie near others that
-are believed on the whole: given ones, or those that a network tells. Where intensities are unknown, so that a tilt of
+are believed on the whole: given ones, or those that a network gives. Where intensities are unknown, so that a tilt of
 all normals changes them alone, an object that is seen whole faces the camera in the mean, its albedo does not follow
 its normals (`albedo.py`), and its highlights are those of one material (`highlights.py`).
 """
@@ -22,8 +22,8 @@ from photonormal.shading import normalised
 
 STEP = 1  # pixels over which slopes are compared; over more, edges that hide something behind them spoil more of them
 STEEP = 0.2  # z of a normal below which its slopes say nothing
-PARTS = 5  # of the object in either direction, whose disagreement tells how certain something is
-FEWEST = 100  # pixels that tell something
+PARTS = 5  # of the object in either direction, whose disagreement shows how certain something is
+FEWEST = 100  # pixels that show something
 STRAY = 0.7  # medians of what is left, from which on a pixel loses weight
 CURL_FLOOR = 0.003  # standard error of the curl itself at least, over the size of what it is made of
 CURL_LEAST = 0.01  # of the largest power, the power of the curl that a number makes below which it stays near zero
@@ -32,7 +32,7 @@ CURL_SECOND = 2.0  # and times the square of what it says, which is right to fir
 FACING = 0.1  # standard deviation of x and y of the mean normal of an object that is seen whole
 LENGTHS_INDEPENDENT = 2.0  # of the errors of lengths against intensities, most of which shine and interreflections make
 ROUNDS = 12  # of reweighting
-KEPT = 1e8  # precision with which the map's trace stays: nothing tells the scale of all lights
+KEPT = 1e8  # precision with which the map's trace stays: nothing shows the scale of all lights
 TRACE = torch.eye(3, dtype=torch.float64).flatten()
 BASRELIEF = torch.eye(9, dtype=torch.float64)[[2, 5, 8]]  # entries of E that tilt all normals, and deepen them
 TURN = torch.tensor(
@@ -124,7 +124,7 @@ def lengths(s: Float[Tensor, "n 3"], e: Float[Tensor, " n"]) -> tuple[Tensor, Te
 
 
 def of_curl() -> Float[Tensor, "5 9"]:
-    """From the entries of E to the five numbers of the normals' map D = -E^T that their curl tells."""
+    """From the entries of E to the five numbers of the normals' map D = -E^T that their curl shows."""
     D = torch.zeros(5, 3, 3, dtype=torch.float64)  # D[i, k] is -E[k, i]
     for row, (i, k) in enumerate(((1, 0), (1, 2), (0, 1), (0, 2))):
         D[row, k, i] = -1
@@ -154,7 +154,7 @@ def curl(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> FrameEvidence 
     """What (1 + D), D[1, 0], D[1, 2], D[0, 1], D[0, 2], D[0, 0] - D[1, 1], takes the curl of N's slopes away.
 
     None where too few normals have neighbours. Curl that is left is the normals' noise, which what turns them holds as
-    well: it passes for a turn. Where it is as large as what a turn by a radian makes, nothing is told.
+    well: it passes for a turn. Where it is as large as what a turn by a radian makes, nothing is known.
     """
     told = curl_of(N, inside)
     if told is None:
@@ -190,7 +190,7 @@ def curl_of(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> CurlResidua
 def facing(N: Float[Tensor, "p 3"]) -> FrameEvidence:
     """An object that is seen whole faces the camera in the mean: what E[0, 2] and E[1, 2] turn its mean normal there.
 
-    These two tilt all normals and make lights on one side brighter, which nothing else tells where intensities are
+    These two tilt all normals and make lights on one side brighter, which nothing else shows where intensities are
     unknown.
     """
     x, y, z = N.double().mean(0)

@@ -1,4 +1,4 @@
-"""What the lights' network tells: of a capture, and of whole objects that a training shows."""
+"""What the lights' network gives: of a capture, and of whole objects that a training shows."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def guess(net: LightsNet, capture: Capture, device: torch.device) -> Guess:
 
 
 def looked(net: LightsNet, images: Float[Tensor, "b n c s s"], mask: Bool[Tensor, "b 1 s s"]) -> BinnedLights:
-    """What the network tells of whole objects in linear images, in one look."""
+    """What the network gives of whole objects in linear images, in one look."""
     x = scaled(net.scaling, images, mask, moment(net.scaling, images, mask), images.shape[1])
     with inner_precision(images.device):
         return net(x, mask)

@@ -1,4 +1,4 @@
-"""Highlights tell how tilted a surface is, which matt shading leaves open.
+"""Highlights show how tilted a surface is, which matt shading leaves open.
 
 Of an isotropic material, the brightness over a matt surface's is the same function of the angle between the normal and
 the direction halfway to the light, wherever on the object (after O. Drbohlav, R. Sara, ECCV 2002). In a wrong frame
@@ -23,10 +23,10 @@ ANGLES_DEG = (0, 4, 8, 12, 17, 23, 30, 38, 48, 60, 90)  # between which the brig
 STRAY = 0.3  # of the logarithm of a sample, from which on it loses weight
 DARK = 1e-4  # of the mean sample, the least whose logarithm is taken
 STEP = 0.02  # of the map's entries, over which samples' changes are taken
-GAIN = (2.0, 2.0, 3.0)  # times what one linear step tells, half of which and less is found on rendered objects
+GAIN = (2.0, 2.0, 3.0)  # times what one linear step shows, half of which and less is found on rendered objects
 NOISE = 0.3  # standard error of the logarithms, as if each part of what changes them were one sample
-FLOOR = (0.03, 0.03, 0.3)  # least standard error; depth is told badly, since normals were found without them
-MOST = 0.5  # of the map, that is told at once
+FLOOR = (0.03, 0.03, 0.3)  # least standard error; depth is found badly, since normals were found without them
+MOST = 0.5  # of the map, that is changed at once
 ROUNDS = 4  # of reweighting
 
 
@@ -95,7 +95,7 @@ def explaining(B: Float[Tensor, "p n k"], y: Float[Tensor, "p n m"], w: Float[Te
 
 
 def ridge(A: Float[Tensor, "k k"], share: float) -> Float[Tensor, "k k"]:
-    """A share of the mean of A's diagonal, so that what nothing tells has a solution."""
+    """A share of the mean of A's diagonal, so that what nothing shows has a solution."""
     return (share * A.diagonal().mean() + 1e-12) * torch.eye(len(A), dtype=A.dtype)
 
 

@@ -1,4 +1,4 @@
-"""Which photographs tell lights, and under which lights normals can be found."""
+"""Which photographs show lights, and under which lights normals can be found."""
 
 from __future__ import annotations
 

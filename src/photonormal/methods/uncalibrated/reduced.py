@@ -1,4 +1,4 @@
-"""A whole object as a small square, as a network that tells lights reads it."""
+"""A whole object as a small square, as a network that finds lights reads it."""
 
 from __future__ import annotations
 

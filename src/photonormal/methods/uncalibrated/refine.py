@@ -66,7 +66,7 @@ UNASKED = Proof(uneven=0.08, misfit=0.6, less_curl=16.0, moved_deg=1.5, turned_d
 def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
     """The capture's own distant lights, mended: each is turned to where the photographs speak for.
 
-    Their errors are to be each light's own: what all have in common is told where the normals' curl tells it, and is
+    Their errors are to be each light's own: what all have in common is found where the normals' curl shows it, and is
     believed else. Intensities stay as they are, so lights that are found have one length; where they haven't, and
     have it nearly when they start at twice the angle to the camera's axis, the given ones were halfway to the right
     ones: a mirror sphere's normals in place of the reflections there. Lights are kept where there is no `proof`.

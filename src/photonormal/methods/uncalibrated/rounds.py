@@ -16,8 +16,8 @@ from photonormal.resources import by_one_thread
 from photonormal.shading import angle_deg, cosines, normalised
 
 SPREAD = 0.1  # of a sample over its albedo, beyond which it loses weight: a highlight, or a shadow
-GRAZING = 0.05  # cosine below which a light tells nothing of itself at a pixel
-FAR = 10.0  # factor by which a light is brighter or darker than most, from which on its pixels don't tell it
+GRAZING = 0.05  # cosine below which a light shows nothing of itself at a pixel
+FAR = 10.0  # factor by which a light is brighter or darker than most, from which on its pixels don't show it
 TIED = 1e-3  # weight of a light as it was, over that of all samples
 MANY = 16  # lights, of whose samples some can be left out, so that albedo is free of shine
 ROUNDS = 20
@@ -84,7 +84,7 @@ def misfit(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"])
 def lights_of(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
     """argmin over s_j of sum_p log(1 + (I_pj / rho_p - n_p.s_j)^2 / SPREAD^2), over lit samples, from the lights s.
 
-    What no pixel tells of a light stays as it is in s: all of it, or its part along a cylinder.
+    What no pixel shows of a light stays as it is in s: all of it, or its part along a cylinder.
     """
     I, known = over_albedo(shown, N, s)
     NN = (N[:, :, None] * N[:, None, :]).flatten(1)  # (p, 9)
@@ -98,5 +98,5 @@ def lights_of(shown: ShownPixels, N: Float[Tensor, "p 3"], s: Float[Tensor, "n 3
         found = torch.linalg.solve(A, y)
         length = found.norm(dim=1, keepdim=True)
         usual = (length > length.median() / FAR) & (length < length.median() * FAR)  # nan is not
-        s = torch.where(usual, found, s)  # a light that nothing tells of stays
+        s = torch.where(usual, found, s)  # a light that nothing shows of stays
     return s

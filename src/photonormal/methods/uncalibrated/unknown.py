@@ -1,4 +1,4 @@
-"""Lights of which nothing is known: a network tells them, then lights and normals refine each other."""
+"""Lights of which nothing is known: a network gives them, then lights and normals refine each other."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def tint(shown: ShownPixels) -> float:
 
 
 def refuse_unshaded(shown: ShownPixels, name: str) -> None:
-    """InputError where pictures differ in nothing but brightness, so that they tell neither shape nor lights."""
+    """InputError where pictures differ in nothing but brightness, so that they show neither shape nor lights."""
     values = torch.linalg.svdvals((shown.I.T @ shown.I).double()).sqrt()
     if len(shown.I) < 50 or not values[1] > SHADED * values[0]:
         raise InputError(

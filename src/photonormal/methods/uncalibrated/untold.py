@@ -14,7 +14,7 @@ from photonormal.outline import Outline
 CURVED_DEG = 2.0  # of normals, below which a surface is bent in one direction at most
 IRREGULAR = 0.005  # least curl that a change of the lights makes, mean square, over what it is made of
 OUTWARDS = 0.5  # median of n.o along an outline where the surface turns away, o pointing outwards in the picture
-WHOLE = 0.75  # the same of objects that are seen whole, whose lights a network tells; of reliefs it is less
+WHOLE = 0.75  # the same of objects that are seen whole, whose lights a network gives; of reliefs it is less
 FLAT = (
     "The surface is nearly flat, or bent in one direction at most, like a cylinder, so the other direction of each "
     "light is uncertain."
@@ -32,7 +32,7 @@ BULGE = "The object was assumed to bulge; a hollow, such as a bowl, comes out in
 
 
 def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tuple[str, ...]:
-    """What can't be told of lights where the normals that were found are those of such a surface."""
+    """What can't be known of lights where the normals that were found are those of such a surface."""
     if not spread_deg(N[N.norm(dim=1) > 0.5]) > CURVED_DEG:
         return (FLAT,)
     told = curl_of(N, inside)
@@ -48,7 +48,7 @@ def leaning(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> float:
 
 
 def side_of_lights(outwards: float) -> tuple[str, ...]:
-    """What is known of bulge or hollow: no matt shading, highlight or shadow of a surface on itself tells them, only an
+    """What is known of bulge or hollow: no matt shading, highlight or shadow of a surface on itself shows them, only an
     outline where it turns away from the camera, which is that of a bulge, or of a bowl that is seen up to its rim.
     `outwards` is the `leaning`."""
     return (BULGE,) if outwards > OUTWARDS else (HOLLOW,)

@@ -63,7 +63,7 @@ def llvm() -> Path | None:
 
 
 def version(library: Path) -> int:
-    """Major version of an LLVM library, from the names of the file and of what it links to; 0: not told.
+    """Major version of an LLVM library, from the names of the file and of what it links to; 0: unknown.
 
     >>> [version(Path(p)) for p in ("libLLVM.so.19.1", "libLLVM-17.so.1", "libLLVM-14.0.6.so.1", "libLLVM.so")]
     [19, 17, 14, 0]

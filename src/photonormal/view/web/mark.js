@@ -81,14 +81,7 @@ const mark = {
 
   width: () => Math.max(2, (Number(at("brush").value) / 500) * Math.max(...data.shown)), // finer ones miss pixels
 
-  draw() {
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.drawNow();
-    });
-  },
+  draw: atNextFrame(() => mark.drawNow()),
 
   drawNow() {
     const stage = at("stage"),

@@ -10,7 +10,6 @@ const page = {
   camera: { x: 0.5, y: 0.5, scale: 1 },
   line: null,
   cursor: null,
-  asked: false,
   look: {
     mode: "lambert",
     light: [0, 0, 1],
@@ -91,15 +90,7 @@ const page = {
     return Object.keys(LAYERS).filter((layer) => this.panes.every((p) => has(p.about, layer)));
   },
 
-  draw() {
-    // at the next frame
-    if (this.asked) return;
-    this.asked = true;
-    requestAnimationFrame(() => {
-      this.asked = false;
-      this.drawNow();
-    });
-  },
+  draw: atNextFrame(() => page.drawNow()),
 
   drawNow() {
     this.tiles.frame = this.tiles.time;
@@ -234,8 +225,8 @@ async function built(p, tiles) {
     gl = tiles.gl,
     last = about.sizes.length - 1;
   const tile = await tiles.whole(index, about, "height", last, 0, 0),
-    w = Math.max(tile.w - 2, 2), // of a single row or column the rim is the other side
-    h = Math.max(tile.h - 2, 2),
+    w = tile.w - 2,
+    h = tile.h - 2,
     heights = new Float32Array(w * h);
   if (tile.failed) throw new Error(tile.failed);
   for (let y = 0; y < h; y++)

@@ -1,10 +1,12 @@
 """Numbers in text files, as people and their programs write them."""
 
 import os
+import unicodedata
 
 import numpy as np
 import pytest
 
+from photonormal.capture.lights.match import finder
 from photonormal.capture.texts import (
     beside,
     number,
@@ -66,6 +68,18 @@ def test_names_in_old_encodings_and_with_odd_spaces(tmp_path):
         file.write_bytes(b"")
         assert beside(tmp_path, names[0]) == file
         file.unlink()
+
+
+@pytest.mark.parametrize(("listed", "stored"), [("NFC", "NFD"), ("NFD", "NFC"), ("latin-1", "NFD")])
+def test_accents_may_be_part_of_a_letter_or_follow_it(tmp_path, listed, stored):
+    name, file = "Gefäß é.png", tmp_path / unicodedata.normalize(stored, "Gefäß é.png")
+    file.write_bytes(b"")
+    (tmp_path / "a.txt").write_bytes(
+        name.encode(listed) if listed == "latin-1" else unicodedata.normalize(listed, name).encode()
+    )
+    (found,) = read_lines(tmp_path / "a.txt")
+    assert beside(tmp_path, found) == file
+    assert finder([file.name])(found) == 0
 
 
 def test_missing_and_folder(tmp_path):

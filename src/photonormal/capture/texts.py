@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import re
+import unicodedata
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -38,10 +39,14 @@ def _utf_16(data: bytes) -> str:
 
 
 def spellings(name: str) -> list[str]:
-    """A name from a list by the bytes that it has there and, where they aren't UTF-8, as Latin-1 text too."""
-    if name.isascii() or not re.search("[\udc80-\udcff]", name):
+    """A name from a list by the bytes that it has there, and as text, which is Latin-1 where it isn't UTF-8.
+
+    An accent may be part of its letter, or follow it, as in files that come from a Mac.
+    """
+    if name.isascii():
         return [name]
-    return [name, os.fsencode(name).decode("latin-1")]
+    text = os.fsencode(name).decode("latin-1") if re.search("[\udc80-\udcff]", name) else name
+    return [name, *(unicodedata.normalize(form, text) for form in ("NFC", "NFD")), text]
 
 
 def beside(folder: Path, name: str) -> Path:

@@ -13,6 +13,7 @@ from photonormal.doctor.coverage import coverage, polar_plot
 from photonormal.doctor.frame import NormalsFrame
 from photonormal.doctor.order import simple_orders
 from photonormal.geometry import angle_deg, fibonacci_hemisphere, normalised, rotation_about_view
+from photonormal.srgb import from_linear
 from photonormal.types import Capture, Normals
 from tests.calibration.chrome import dome
 from tests.scenes import lambertian, write_diligent
@@ -207,6 +208,17 @@ def test_dim_eight_bit_pictures_are_told(right, tmp_path):
         f for f in findings_of(written(tmp_path, right, lambda x: np.rint(12 * x).astype(np.uint8))) if f.kind == "bits"
     ]
     assert len(found) == 1 and "below level" in found[0].message and "16-bit" in found[0].message
+
+
+@pytest.mark.parametrize(("brightest", "dim"), [(0.12, False), (0.01, True)])
+def test_how_dim_encoded_pictures_are_is_told_by_the_levels_in_their_files(right, tmp_path, brightest, dim):
+    """sRGB keeps more levels for what is dark: a median of 9 of 255 in linear light is one of 53 in the files."""
+    encoded = written(tmp_path, right, lambda x: np.rint(255 * from_linear(brightest * x)).astype(np.uint8))
+    linearised = pn.load(tmp_path / "object", srgb=True)
+    told = [f for f in findings_of(linearised) if f.kind == "bits" and f.grave]
+    assert bool(told) == dim
+    level = np.median(np.median(np.asarray(encoded.images)[:, encoded.mask].mean(-1), axis=1)) * 255
+    assert all(f"below level {level:.0f} of" in f.message for f in told)
 
 
 def test_sixteen_bit_files_of_eight_bits_are_told(right, tmp_path):

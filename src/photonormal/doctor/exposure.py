@@ -9,6 +9,7 @@ from jaxtyping import Float
 
 from photonormal.doctor.finding import Finding, counted
 from photonormal.doctor.samples import Samples
+from photonormal.srgb import from_linear
 from photonormal.types import Capture, a_few
 
 SATURATED = 0.05  # of a picture's samples
@@ -16,7 +17,7 @@ BLACK = 0.05  # level of a picture, as part of that of a bright one, below which
 BRIGHT = 0.75  # quantile of all pictures' levels that is a bright one's: most lamps may have been off
 CLIPPED = 0.125  # of all samples at zero
 MOSTLY, ZERO = 2 / 3, 0.25  # of the pictures in which a pixel is black, and of such pixels: facing away is no fault
-DIM = 0.04  # median level, as part of full scale, below which 8 bits quantise by more than five per cent
+DIM, DIM_ENCODED = 0.04, 0.1  # median level in the files, of full scale, below which 8 bits spoil slopes equally much
 
 
 def saturation(samples: Samples, capture: Capture) -> list[Finding]:
@@ -73,9 +74,10 @@ def bits(samples: Samples, I: Float[np.ndarray, "p n"], capture: Capture) -> lis
     if samples.bits != 8:
         return []
     full = 1.0 if capture.saturation is None else capture.saturation.mean(1)  # (n,)
-    level = float(np.median(np.median(I, axis=0) / full))
+    level = np.array(np.median(np.median(I, axis=0) / full))
+    level = float(from_linear(level) if capture.linearised else level)  # as the files hold it
     clipped = float(samples.saturated.mean()) > SATURATED / 5 or float((I <= 0).mean()) > CLIPPED
-    dim = level < DIM
+    dim = level < (DIM_ENCODED if capture.linearised else DIM)
     if not (dim or clipped):
         return []
     kind = (

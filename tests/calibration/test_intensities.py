@@ -156,6 +156,20 @@ def test_exif_exposures_divide_the_pictures(tmp_path):
     assert gain[1] / gain[0] == pytest.approx(2) and gain[2] / gain[0] == pytest.approx(0.5)
 
 
+def test_exposures_that_differ_are_told_until_something_divides_by_them(tmp_path, capsys):
+    for j, denominator in enumerate((50, 100, 25)):
+        jpeg(tmp_path / f"{j}.jpg", (1, denominator), level=128 + j)
+    np.savetxt(tmp_path / "light_directions.txt", [[0, 0, 1], [0.5, 0, 1], [0, 0.5, 1]])
+    (note,) = pn.load(tmp_path).notes
+    assert "2.jpg 4 times as much as 1.jpg" in note and "--exif-exposure" in note
+    main(["check", str(tmp_path), "--linear"])
+    assert f"next: photonormal measure {tmp_path} --exif-exposure --linear --out result" in capsys.readouterr().out
+    assert not pn.load(tmp_path, exif_exposure=True).notes
+    assert not pn.load(tmp_path, lights="unknown").notes
+    np.savetxt(tmp_path / "light_intensities.txt", [2, 1, 4])
+    assert not pn.load(tmp_path).notes
+
+
 @pytest.mark.parametrize(("boards", "gains"), [((50, 50, 50), (2, 0.5)), ((50, 100, 25), (1, 1))])
 def test_exposures_of_pictures_and_of_their_boards_both_count(tmp_path, boards, gains):
     for j, exposed in enumerate(zip((50, 100, 25), boards, strict=True)):

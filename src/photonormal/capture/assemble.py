@@ -14,7 +14,7 @@ from photonormal.capture import UNKNOWN
 from photonormal.capture.corrections import MOST_WHITE, Corrected, FlatFields, flat_field, hot_pixels, read_frame
 from photonormal.capture.cropped import cropped
 from photonormal.capture.encoding import JPEG, doubtful, encoding_told, encodings
-from photonormal.capture.exif import exposures
+from photonormal.capture.exif import exposures, exposures_told
 from photonormal.capture.images import MARGIN, ImageFiles, Picture, files_of, picture_name, picture_size, planes
 from photonormal.capture.lens import Lens, read_lens
 from photonormal.capture.lights import read_lights
@@ -122,6 +122,7 @@ def assemble(
     boards = _boards(choice, lit, near=lamps is not None)
     if boards is not None:
         e = np.ones((len(used), 1))  # they have them in them
+    undivided = boards is None and np.ptp(e) == 0 and not choice.exif_exposure and choice.lights != UNKNOWN
     e = e * _exposures(used, choice)
     frame = picture_size(used[0])
     crop = Crop.chosen(choice.crop, choice.scale, frame, str(choice.crop_file or "--crop"))
@@ -129,6 +130,8 @@ def assemble(
     mask = mask if choice.mask is None else choice.mask
     said = encodings([files_of(p)[0] for p in used], choice.srgb, choice.linear)
     notes = [*lit.notes, *doubtful(said)]
+    if undivided:
+        notes += exposures_told([files_of(p)[0] for p in used])
     if isinstance(mask, Path):
         mask, turned = read_drawn(mask, used, choice.mask_on)
         notes += turned

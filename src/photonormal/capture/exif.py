@@ -13,6 +13,7 @@ from photonormal.types import InputError, a_few
 
 EXPOSURE, F_NUMBER, ISO, ORIENTATION = 0x829A, 0x829D, 0x8827, 0x0112
 COLOUR_SPACE, INTEROPERABILITY_INDEX = 0xA001, 0x0001
+UNEQUAL = 1.1  # times the least exposure, above which pictures are brighter by more than lamps differ
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,22 @@ class Exif:
 def read_exif(path: Path) -> Exif:
     """What Exif says; nothing where a file has none or a damaged one."""
     return Exif.of(embedded(path))
+
+
+def exposures_told(paths: Sequence[Path]) -> list[str]:
+    """What the user should know where the camera exposed pictures differently, which nothing was divided by."""
+    try:
+        e = exposures(paths)[:, 0]
+    except InputError:  # they can't be compared
+        return []
+    least, most = int(e.argmin()), int(e.argmax())
+    if e[most] < UNEQUAL * e[least]:
+        return []
+    return [
+        f"the camera exposed the photographs differently: {paths[most].name} {e[most] / e[least]:.2g} times as much as "
+        f"{paths[least].name}, by their Exif data. Add --exif-exposure, which divides by that, unless flashes lit the "
+        "object."
+    ]
 
 
 def exposures(paths: Sequence[Path]) -> np.ndarray:

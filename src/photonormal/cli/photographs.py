@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Literal
 
 import tyro
@@ -113,6 +113,13 @@ class Photographs:
     def how(self) -> dict[str, Any]:
         """The options by name, as `photonormal.load` takes them."""
         return asdict(self.capture) | asdict(self.lights) | asdict(self.corrections)
+
+    def having(self, options: dict[str, Any]) -> Photographs:
+        """The same with those options, by name, whichever group they are of."""
+        groups = {"capture": self.capture, "lights": self.lights, "corrections": self.corrections}
+        return replace(
+            self, **{g: replace(v, **{k: options[k] for k in options if hasattr(v, k)}) for g, v in groups.items()}
+        )
 
 
 Read = Annotated[Photographs, tyro.conf.arg(name="")]

@@ -239,7 +239,7 @@ class Check:
             return "mask", self.capture, "--out", "object-mask.png"
         options = {name: value for f in found for name, value in f.options.items()}
         refine = ["--refine-lights"] * options.pop("refine_lights", self.refine_lights)
-        read = replace(self.read, corrections=replace(self.read.corrections, **options))
+        read = self.read.having(options)
         if any(f.lights is not None and not f.options for f in found):
             if self.out is None:  # which writes them
                 return "check", self.capture, *words_of(self.read), *refine, "--out", "report"

@@ -36,8 +36,12 @@ def findings_of(capture: Capture) -> list[Finding]:
 
     capture = as_capture(capture)
     s, names = samples.read(capture), list(capture.image_names)
-    asked = {"srgb": True, "linear": False} if capture.likely_encoded else {}
-    found = [Finding("reading", False, note, options=asked if "--srgb" in note else {}) for note in capture.notes]
+    found: list[Finding] = []
+    asked = {"--exif-exposure": {"exif_exposure": True}}
+    if capture.likely_encoded:
+        asked["--srgb"] = {"srgb": True, "linear": False}
+    for note in capture.notes:
+        found.append(Finding("reading", False, note, options=next((asked[o] for o in asked if o in note), {})))
     if swapped := samples.inverted(capture.mask, s):
         return [*swapped, *found]  # all else would be judged of the ground
     I, mask = samples.on_object(s)

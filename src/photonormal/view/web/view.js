@@ -225,8 +225,8 @@ async function built(p, tiles) {
     gl = tiles.gl,
     last = about.sizes.length - 1;
   const tile = await tiles.whole(index, about, "height", last, 0, 0),
-    w = tile.w - 2,
-    h = tile.h - 2,
+    w = Math.max(tile.w - 2, 2), // of a single row or column the rim is the other side
+    h = Math.max(tile.h - 2, 2),
     heights = new Float32Array(w * h);
   if (tile.failed) throw new Error(tile.failed);
   for (let y = 0; y < h; y++)

@@ -163,6 +163,7 @@ class TestPaths:
 
     def test_an_unknown_format(self, folder):
         assert "no format 'png'; choose from auto, diligent" in refusal(load, folder, format="png")
+        assert "no format 'diligant'; perhaps diligent is meant" in refusal(load, folder, format="diligant")
 
     def test_a_folder_named_like_an_lp(self, folder):
         refusal(load, folder.rename(folder.with_suffix(".lp")) / "absent.lp")

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from photonormal.options import LightsFrom
-from photonormal.types import Capture, InputError
+from photonormal.types import Capture, InputError, no_such
 
 CROP = "crop.txt"  # x,y,width,height of what is read of the photographs beside it
 UNKNOWN = Path("unknown")  # in place of a file with lights: they are to be found from the photographs
@@ -82,7 +82,7 @@ def load(
 
     allow(memory)
     if format != "auto" and format not in FORMATS:
-        raise InputError(f"no format {format!r}; choose from auto, {', '.join(FORMATS)}.")
+        raise no_such("format", format, ["auto", *FORMATS])
     path = Path(path)
     files = {"lights": lights, "mask": mask, "intensities": intensities, "dark": dark, "flat": flat, "lens": lens}
     given = {name: Path(file) for name, file in files.items() if file}

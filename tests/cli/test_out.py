@@ -103,5 +103,7 @@ def test_maps_are_not_written_over_files_of_a_result(tmp_path, monkeypatch, caps
     before = digests(tmp_path)
     monkeypatch.chdir(tmp_path / "r")
     assert cli.main([*words.split(), "--overwrite"]) == REFUSED
-    assert "belongs to a result, and is not written over" in capsys.readouterr().err
+    assert "belongs to a result and is not written over" in capsys.readouterr().err
+    assert cli.main(["convert", "../mine.png", "--out", "../mine.png", "--overwrite"]) == REFUSED
+    assert "mine.png is read here and is not written over" in capsys.readouterr().err
     assert digests(tmp_path) == before

@@ -84,7 +84,7 @@ def test_a_result_is_not_written_over(measured, tmp_path, capsys, words):
     (result / "report.json").write_text(json.dumps(report))
     before = {p.name: p.read_bytes() for p in result.iterdir()}
     assert export(result, *words[:-1], result / words[-1], "--overwrite") == 2
-    assert "belongs to a result, and is not written over" in capsys.readouterr().err
+    assert "belongs to a result and is not written over" in capsys.readouterr().err
     assert {p.name: p.read_bytes() for p in result.iterdir()} == before
     assert export(result, "--relit", "45,30", "--out", result / "lit.png") == 0  # beside them it may lie
 

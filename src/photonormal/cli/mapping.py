@@ -96,7 +96,7 @@ def refuse_unwritable(out: Path, overwrite: bool, *read: Path | None) -> None:
     from photonormal.disk import refuse_taken
     from photonormal.export.folder import result_files
 
-    refuse_taken([out], overwrite, [*(p for p in read if p is not None), *result_files(out.parent)])
+    refuse_taken([out], overwrite, [p for p in read if p is not None], result_files(out.parent))
 
 
 @dataclass(frozen=True)

@@ -50,12 +50,21 @@ def identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
     return found
 
 
-def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] = (), option: str = "--out") -> None:
-    """InputError where a file to be written is a folder, exists without `overwrite`, or is one of `reads`.
+def refuse_taken(
+    paths: Iterable[Path],
+    overwrite: bool,
+    reads: Iterable[Path] = (),
+    of_result: Iterable[Path] = (),
+    option: str = "--out",
+) -> None:
+    """InputError where a file to be written is a folder, exists without `overwrite`, is read or belongs to a result.
 
-    These are files that are read, or belong to a result. `option` is what the user names the file by.
+    Parameters
+    ----------
+    reads, of_result : the files that are read, and those of a result
+    option : what the user names the file by
     """
-    used = identities(reads)
+    used = {"belongs to a result": identities(of_result), "is read here": identities(reads)}
     for path in paths:
         try:
             os.lstat(path)
@@ -65,10 +74,9 @@ def refuse_taken(paths: Iterable[Path], overwrite: bool, reads: Iterable[Path] =
             raise unwritable(path, error) from None
         if path.is_dir():
             raise InputError(f"{path} is a folder but a file is to be written there; choose another {option}.")
-        if identities([path]) & used:
-            raise InputError(
-                f"{path} is read here, or belongs to a result, and is not written over; choose another {option}."
-            )
+        for why, files in used.items():
+            if identities([path]) & files:
+                raise InputError(f"{path} {why} and is not written over; choose another {option}.")
         if not overwrite:
             raise InputError(f"{path} exists; choose another {option}, or add --overwrite to replace it.")
 

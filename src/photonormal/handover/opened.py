@@ -19,12 +19,12 @@ from photonormal.view.result import photographs_of, report_of
 def refuse(kind: str, result: Path, out: Path, overwrite: bool, reads: Iterable[Path] = ()) -> None:
     """InputError where there is no such format, the file's ending is another's, or `out` can't be written: it is the
     result, or a file of it, or one of the files that are read."""
-    ending, reads = by_name("format", kind, FORMATS), [result, *result_files(result), *reads]
+    ending, files = by_name("format", kind, FORMATS), result_files(result)
     if not ending:
-        return refuse_filled(out, overwrite, reads)
+        return refuse_filled(out, overwrite, [result, *files, *reads])
     if out.suffix.lower() != ending:
         raise InputError(f"--out {out} ends in {out.suffix!r} but {kind} is a {ending} file; choose such a name.")
-    refuse_taken([out], overwrite, reads)
+    refuse_taken([out], overwrite, reads, files)
 
 
 def photographs_needed(result: Path, given: Path | None, what: str, otherwise: str = "") -> tuple[Capture, list[Path]]:

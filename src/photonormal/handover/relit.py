@@ -72,7 +72,7 @@ def export_relit(
         )
     if by not in (*FITS, MATT):
         raise InputError(f"--by {by[:40]!r} came but {', '.join(FITS)} or {MATT} is needed; choose one.")
-    refuse_taken([out], overwrite, result_files(result))
+    refuse_taken([out], overwrite, of_result=result_files(result))
     lights = [direction(azimuth + 360 * step / STEPS, elevation) for step in range(STEPS if sweep else 1)]
     with (
         _matt(result) if by == MATT else _fitted(result, capture, by, lights, out, overwrite) as relit,

@@ -73,7 +73,7 @@ def export_page(
     out = Path(out)
     if out.suffix.lower() not in (".html", ".htm"):
         raise InputError(f"--page {out} ends in {out.suffix!r} but an .html file is written; choose such a name.")
-    refuse_taken([out], overwrite, result_files(Path(folder)), option="--page")
+    refuse_taken([out], overwrite, of_result=result_files(Path(folder)), option="--page")
     shown = open_result(folder, capture, mm_per_px)
     about = dict(shown.about)
     sizes = about["sizes"]

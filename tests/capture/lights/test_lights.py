@@ -50,6 +50,7 @@ def directions(vectors: np.ndarray) -> np.ndarray:
         rows(" ", names=[f'"{n}"' for n in NAMES]),
         "x;y;z;file\n" + "\n".join(";".join([*row, n]) for n, row in zip(NAMES, ROWS, strict=True)),
         "\n".join(",".join([*row, n]) for n, row in zip(NAMES, ROWS, strict=True)),
+        "sep=,\n" + rows(",", count=None),
         "no,file,z,y,x\n" + "\n".join(f"7,{n},{','.join(r[::-1])}" for n, r in zip(NAMES, ROWS, strict=True)),
         "\n".join(f"{k}\t{n}\t" + "\t".join(r) for k, (n, r) in enumerate(zip(NAMES, ROWS, strict=True))),
     ],
@@ -124,6 +125,7 @@ class TestAngles:
         for header, table in (
             ("slant tilt", self.SLANT_TILT),
             ("azimuth elevation", self.AZIMUTH_ELEVATION),
+            ("Azimut[°] El[°]", self.AZIMUTH_ELEVATION),
             ("no tilt_deg slant_deg", np.column_stack([np.arange(4), self.SLANT_TILT[:, ::-1]])),
         ):
             for remark in ("", "# "):
@@ -151,6 +153,14 @@ class TestAngles:
     def test_radians_are_refused(self, tmp_path):
         np.savetxt(tmp_path / "a.txt", np.radians(self.SLANT_TILT), header="slant tilt", comments="")
         assert "radians" in refusal(read_lights, tmp_path / "a.txt")
+
+
+def test_a_wrong_count_is_told_where_the_lights_have_names_and_refused_where_they_have_none(tmp_path):
+    (tmp_path / "a.lp").write_text(rows(" ", count="7"))
+    listed = read_lights(tmp_path / "a.lp")
+    assert listed.names == NAMES and listed.notes == ("a.lp says 7 pictures but lists 4, which were used.",)
+    (tmp_path / "a.lp").write_text("7\n" + "\n".join(" ".join(row) for row in ROWS))
+    assert "says 7 pictures but lists 4; correct" in refusal(read_lights, tmp_path / "a.lp")
 
 
 def test_lengths_that_differ_much_are_told(tmp_path):

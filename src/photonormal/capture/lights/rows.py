@@ -21,7 +21,7 @@ from photonormal.files.decode import SUFFIXES
 from photonormal.types import InputError
 
 COUNT = re.compile(r'"?([0-9]{1,9})"?[\s,;]*')
-REMARK = re.compile(r"(^|\s)(#|//|%)")
+REMARK = re.compile(r"(^|\s)(#|//|%)|^\W?(?i:sep)=\W{0,2}$")  # or sep=; which is written for spreadsheets
 NAMED = re.compile(rf'"?(.*(?:{"|".join(map(re.escape, sorted(SUFFIXES)))}))"?(?=[\s,;]|$)(.*)', re.IGNORECASE)
 NAME = re.compile(rf'[^;,\t]*(?:{"|".join(map(re.escape, sorted(SUFFIXES)))})"?', re.IGNORECASE)
 NUMBER_OF_ROW = re.compile(
@@ -40,10 +40,12 @@ def read(path: Path) -> LightTable:
     header = _header(lines[0][1]) if lines else None
     header, rows = _names_in_front(header, lines[1:] if header else lines)
     names, numbers = _rows(rows, path)
+    notes = ()
     if count and int(count[1]) != len(numbers):
-        raise InputError(
-            f"{path} says {int(count[1])} pictures but lists {len(numbers)}; correct its first line or the list."
-        )
+        said = f"says {int(count[1])} pictures but lists {len(numbers)}"
+        if not names:
+            raise InputError(f"{path} {said}; correct its first line or the list.")
+        notes = (f"{path.name} {said}, which were used.",)
     width, before = numbers.shape[1], 1 if names else 0
     if header is None and remarks:  # `# x y z`, as NumPy writes it
         header = _header(remarks[-1])
@@ -53,7 +55,7 @@ def read(path: Path) -> LightTable:
         columns = columns[before : before + width]
     elif columns:  # the first has no word
         columns = [""] * (width - len(columns)) + columns[-width:]
-    return _with_row_numbers(LightTable(names, numbers, tuple(columns)))
+    return _with_row_numbers(LightTable(names, numbers, tuple(columns), notes=notes))
 
 
 def _names_in_front(
@@ -97,7 +99,7 @@ def _with_row_numbers(table: LightTable) -> LightTable:
     if table.names or not table.columns or not NUMBER_OF_ROW.fullmatch(table.columns[0]):
         return table
     names = [f"{v:g}" for v in table.numbers[:, 0]]
-    return LightTable(names, table.numbers[:, 1:], table.columns[1:])
+    return LightTable(names, table.numbers[:, 1:], table.columns[1:], notes=table.notes)
 
 
 def _header(line: str) -> list[str] | None:

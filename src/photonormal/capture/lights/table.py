@@ -14,7 +14,7 @@ from photonormal.types import InputError
 AS = ("directions", "angles", "azimuth-elevation")  # what numbers may be; angles: slant and tilt, unless a header says
 ANGLES = {  # what headers call two angles in degrees
     "angles": (r"slants?|polar|zenith|colatitude", r"tilts?"),
-    "azimuth-elevation": (r"azimuths?|az", r"elevations?|elev?|altitudes?"),
+    "azimuth-elevation": (r"azimuth?s?|az", r"elevations?|ele?v?|altitudes?|alt"),
 }
 AXES = ("x", "y", "z")
 UNEQUAL = 4.0  # times the shortest vector: longer ones are hardly directions

@@ -117,6 +117,20 @@ class TestOtherPictures:
         os.rename(tmp_path / name.format(11), tmp_path / name.format(9))
         assert f"they are {name.format(7)} to {name.format(10)}; pictures are missing" in refusal(load, tmp_path)
 
+    def test_pictures_of_kinds_that_are_not_read_are_named_where_some_are_missing(self, tmp_path):
+        write_folder(tmp_path)
+        os.rename(tmp_path / "2.png", tmp_path / "2.HEIC")
+        (tmp_path / "1.heic").touch()  # another file of a shot that is there
+        message = refusal(load, tmp_path)
+        assert "3 pictures but 4 light directions" in message and "; 2.HEIC beside them can't be read" in message
+
+    @pytest.mark.parametrize("suffix", [".jfif", ".JPE"])
+    def test_jpeg_files_have_other_suffixes_too(self, tmp_path, suffix):
+        for j in range(4):
+            os.rename(write_picture(tmp_path / f"{j}.jpg", samples(j, np.uint8)), tmp_path / f"{j}{suffix}")
+        np.savetxt(tmp_path / "light_directions.txt", LIGHTS)
+        assert load(tmp_path).images[3].shape == (24, 30, 3)
+
     def test_results_and_thumbnails_are_none(self, tmp_path):
         write_folder(tmp_path)
         for name in (

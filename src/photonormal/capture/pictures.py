@@ -10,7 +10,7 @@ from pathlib import Path
 
 from photonormal.capture.images import Picture, PicturePart, files_of, picture_name
 from photonormal.capture.lights.match import stem
-from photonormal.files.decode import RAW, SUFFIXES, pages_of
+from photonormal.files.decode import JPEG, RAW, SUFFIXES, pages_of
 from photonormal.types import InputError, a_few
 
 NO_PHOTOGRAPH = re.compile(  # how files are called that lie beside photographs: masks, normal maps, thumbnails, results
@@ -19,7 +19,7 @@ NO_PHOTOGRAPH = re.compile(  # how files are called that lie beside photographs:
     r"|base_colour|roughness|metalness|specular|material_known)$",
     re.IGNORECASE,
 )
-PREFER = {"raw": RAW, "jpeg": {".jpg", ".jpeg"}, "tiff": {".tif", ".tiff"}, "png": {".png"}, "exr": {".exr"}}
+PREFER = {"raw": RAW, "jpeg": JPEG, "tiff": {".tif", ".tiff"}, "png": {".png"}, "exr": {".exr"}}
 UNREAD = {  # pictures of kinds that are not read
     *(".heic", ".heif", ".webp", ".gif", ".psd", ".xcf", ".jp2", ".jxl", ".avif", ".pdf", ".svg"),
     *(".mov", ".mp4", ".avi", ".rti", ".ptm", ".hdr", ".pfm", ".pgm", ".ppm"),
@@ -133,6 +133,8 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
             f"{some} {'is' if len(odd) == 1 else 'are'} named unlike the others: name such pictures with --dark, "
             "--flat or --mask, move them elsewhere, or leave them out with --images"
         )
+    elif n < count and (unread := _unread(pictures)):
+        hint = f"{a_few(unread, 5)} beside them can't be read: convert such pictures to PNG or TIFF"
     elif 0 < len(gaps := _gaps(pictures)) <= count - n:
         some = a_few(gaps, 5)
         hint = (
@@ -151,6 +153,15 @@ def counts_differ(name: str, pictures: Sequence[Picture], count: int, source: st
                 "that has one for each picture, or names the pictures"
             )
     return InputError(f"{name} has {n} pictures but {count} light directions{source}; {hint}.")
+
+
+def _unread(pictures: Sequence[Picture]) -> list[str]:
+    """Pictures of kinds that are not read, of other shots, beside these."""
+    files = [path for picture in pictures for path in files_of(picture)]
+    shots = {path.stem.casefold() for path in files}
+    beside = (p for folder in {path.parent for path in files} for p in folder.iterdir())
+    found = {p.name for p in beside if p.suffix.lower() in UNREAD and p.stem.casefold() not in shots}
+    return sorted(found, key=natural)
 
 
 def _gaps(pictures: Sequence[Picture]) -> list[str]:

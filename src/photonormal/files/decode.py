@@ -20,9 +20,13 @@ from photonormal.files.header import Header, damaged
 from photonormal.files.opening import open_file, reason_of, size_of
 from photonormal.types import UNITS, InputError, in_pixels
 
-RAW = {".dng", ".cr2", ".cr3", ".nef", ".arw", ".raf", ".orf", ".rw2", ".pef"}
+RAW = {
+    *(".dng", ".cr2", ".cr3", ".nef", ".nrw", ".arw", ".raf", ".orf", ".rw2", ".rwl", ".pef", ".srw"),
+    *(".iiq", ".3fr", ".fff"),
+}
+JPEG = {".jpg", ".jpeg", ".jpe", ".jfif"}
 KINDS = {  # suffix -> module, imported when it is needed
-    **dict.fromkeys((".png", ".jpg", ".jpeg", ".bmp"), "photonormal.files.plain"),
+    **dict.fromkeys(sorted({*JPEG, ".png", ".bmp"}), "photonormal.files.plain"),
     **dict.fromkeys((".tif", ".tiff"), "photonormal.files.tiff"),
     ".tga": "photonormal.files.tga",
     ".exr": "photonormal.files.exr",

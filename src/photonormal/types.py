@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -310,9 +310,22 @@ class Surface:
         return _array(self.depth, dtype, copy)
 
 
+class RowMap(Protocol):
+    """A map, read and set by rows: an array, or `photonormal.files.rows.Rows` on disk. ``map[:]`` is an array."""
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+
+    def __getitem__(self, part: Any, /) -> np.ndarray: ...
+
+    def __setitem__(self, rows: slice, values: Any, /) -> None: ...
+
+
 @dataclass(frozen=True)
 class Materials:
     """What the surface is made of, by the highlights that the photographs show.
+
+    The maps are arrays; those of a frame that is large for the memory allowed lie on disk.
 
     Parameters
     ----------
@@ -322,10 +335,10 @@ class Materials:
     metalness : (h, w) float32, 1 for metals and 0 for others; NaN where it can't be told
     """
 
-    albedo: np.ndarray
-    specular: np.ndarray
-    roughness: np.ndarray
-    metalness: np.ndarray
+    albedo: RowMap
+    specular: RowMap
+    roughness: RowMap
+    metalness: RowMap
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import numpy as np
 from photonormal.disk import at_once
 from photonormal.export.materials import fill, write_materials
 from photonormal.files.decode import decode
+from photonormal.files.rows import Rows
 from photonormal.types import Materials
 
 
@@ -35,6 +36,12 @@ def test_where_nothing_is_known_nothing_is_changed():
     assert (picture == 255).all()
 
 
+def on_disk(map):
+    rows = Rows(map.shape, map.dtype)
+    rows[:] = map
+    return rows
+
+
 def test_the_usual_specular_level_is_a_half_and_metalness_is_one_or_the_other(tmp_path):
     shape = (20, 30)
     roughness, metalness = np.full(shape, np.nan, np.float32), np.full(shape, np.nan, np.float32)
@@ -42,7 +49,7 @@ def test_the_usual_specular_level_is_a_half_and_metalness_is_one_or_the_other(tm
     roughness[:, 20:24], metalness[:, 20:24] = 0.3, 1
     F0 = np.zeros((*shape, 3), np.float32)
     F0[:, 5:9], F0[:, 20:24] = 0.5, 0.9  # 1 is no white here: the exposure is not known
-    made_of = Materials(np.full((*shape, 3), 0.3, np.float32), F0, roughness, metalness)
+    made_of = Materials(np.full((*shape, 3), 0.3, np.float32), F0, on_disk(roughness), metalness)
     with at_once(tmp_path) as folder:
         write_materials(made_of, np.ones(shape, bool), 1.0, folder)
     maps = {name: decode(tmp_path / f"{name}.png")[..., 0] for name in ("specular", "metalness", "roughness")}

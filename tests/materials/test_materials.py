@@ -11,6 +11,7 @@ import torch
 import photonormal as pn
 from photonormal.cli import main
 from photonormal.files.decode import decode
+from photonormal.files.rows import Rows
 from photonormal.geometry import fibonacci_hemisphere
 from photonormal.masked import row_bands
 from photonormal.materials import maps, materials_of
@@ -42,6 +43,17 @@ def middle(map, size=40):
     """Where normals are at most 30 degrees from the view, which lights all around can show highlights on."""
     y, x = np.mgrid[1 : -1 : 1j * size, -1 : 1 : 1j * size]
     return map[np.hypot(x, y) < 0.45]
+
+
+def test_maps_on_disk_are_those_in_memory(monkeypatch):
+    capture = shiny(0.3)
+    held = materials_of(capture, capture.truth)
+    monkeypatch.setattr(maps.plan, "lies_aside", lambda *_: True)
+    aside = materials_of(capture, capture.truth)
+    for name in ("albedo", "specular", "roughness", "metalness"):
+        assert isinstance(getattr(aside, name), Rows)
+        np.testing.assert_array_equal(getattr(aside, name), getattr(held, name))
+    np.testing.assert_array_equal(aside.roughness[capture.mask], held.roughness[capture.mask])
 
 
 @pytest.mark.parametrize("roughness", [0.2, 0.35, 0.5, 0.7])

@@ -27,17 +27,19 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
 
     What is not known is what is known around it, else matt; `white` is the radiance of a white surface.
     """
-    known, sure = np.isfinite(materials.roughness), np.isfinite(materials.metalness)
-    told = known.astype(np.uint8) * TOLD[0]
-    told[sure] = TOLD[1]
+    known, sure = (np.empty(mask.shape, bool) for _ in range(2))
     base = np.empty(materials.albedo.shape, np.uint8)
     rough, metal, level = (np.empty(mask.shape, np.uint8) for _ in range(3))
     bands = [slice(y, y + ROWS) for y in range(0, len(base), ROWS)]
     full = TOP / USUAL * _usual(materials)
     for rows in bands:
-        metal[rows] = _bytes(np.where(sure[rows], materials.metalness[rows], 0))
-        rough[rows] = _bytes(np.where(known[rows], materials.roughness[rows], 1))
+        roughness, metalness = materials.roughness[rows], materials.metalness[rows]
+        known[rows], sure[rows] = np.isfinite(roughness), np.isfinite(metalness)
+        metal[rows] = _bytes(np.where(sure[rows], metalness, 0))
+        rough[rows] = _bytes(np.where(known[rows], roughness, 1))
         level[rows] = _bytes(materials.specular[rows].mean(-1) / full)
+    told = known.astype(np.uint8) * TOLD[0]
+    told[sure] = TOLD[1]
     fill(sure, metal)
     metal[metal > 127], metal[metal <= 127] = 255, 0
     fill(known, rough)
@@ -54,8 +56,11 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
 
 def _usual(materials: Materials) -> float:
     """The median F0 of what is known to be no metal, 1 where nothing is."""
-    step = max(1, int(np.sqrt(materials.roughness.size / ENOUGH)))
-    rough, metal, F0 = (each[::step, ::step] for each in (materials.roughness, materials.metalness, materials.specular))
+    h, w = materials.roughness.shape
+    step = max(1, int(np.sqrt(h * w / ENOUGH)))
+    rough, metal, F0 = (
+        each[::step][:, ::step] for each in (materials.roughness, materials.metalness, materials.specular)
+    )
     values = F0.mean(-1)[np.isfinite(rough) & (metal != 1)]
     return float(np.median(values)) or 1.0 if len(values) else 1.0
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from math import prod
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile
 
 import numpy as np
@@ -20,7 +21,8 @@ BLOCK = 2**24  # bytes copied at a time
 class Rows:
     """An array in a scratch file, zeros at first: ``rows[a:b]`` is a copy of a part, ``rows[a:b] = values`` sets one.
 
-    Slices may skip rows when they are read. InputError where the disk has no room for it.
+    Slices may skip rows when they are read. Any other part is taken of all rows, which are read for it.
+    InputError where the disk has no room for it.
     """
 
     def __init__(self, shape: tuple[int, ...], dtype: np.dtype | type) -> None:
@@ -34,7 +36,12 @@ class Rows:
     def __exit__(self, *error: object) -> None:
         self._scratch.close()
 
-    def __getitem__(self, rows: slice) -> np.ndarray:
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return self[:].astype(dtype or self.dtype, copy=False)
+
+    def __getitem__(self, rows: Any) -> np.ndarray:
+        if not isinstance(rows, slice):
+            return self[:][rows]
         first, last, step = rows.indices(self.shape[0])
         values = np.empty((len(range(first, last, step)), *self.shape[1:]), self.dtype)
         at_once = len(values) if step == 1 else 1
@@ -42,7 +49,7 @@ class Rows:
             self._scratch.read((first + k * step) * self._row, values[k : k + at_once])
         return values
 
-    def __setitem__(self, rows: slice, values: np.ndarray) -> None:
+    def __setitem__(self, rows: slice, values: np.ndarray | float) -> None:
         first, last, _ = rows.indices(self.shape[0])
         shape = (last - first, *self.shape[1:])
         self._scratch.write(first * self._row, np.ascontiguousarray(np.broadcast_to(values, shape), self.dtype))

@@ -19,7 +19,7 @@ from photonormal.materials.exchange import form_factors, shadows
 from photonormal.methods.albedo import robust
 from photonormal.methods.between import everywhere, tiles
 from photonormal.methods.engine.near import seen_as_distant
-from photonormal.types import Capture, Normals, Surface
+from photonormal.types import Capture, Normals, RowMap, Surface
 
 SIDE = 64  # pixels of the longer side of the grid on which it is found
 LIGHTS = 32  # that are looked at, at most
@@ -59,16 +59,18 @@ class Brightening:
             "exposure": [float(f"{k:.4g}") for k in self.exposure],  # small where samples are large numbers
         }
 
-    def take_from(self, albedo: Float[np.ndarray, "h w 3"]) -> None:
-        """Divide an albedo by the factor, in place."""
+    def take_from(self, albedo: RowMap) -> None:
+        """Divide an albedo (h, w, 3) by the factor, in place."""
         import cv2
 
         middle = (self.step - 1) / 2
-        for part in tiles(*(slice(0, size) for size in albedo.shape[:2])):
-            y, x = np.mgrid[part].astype(np.float32)
+        for rows, columns in tiles(*(slice(0, size) for size in albedo.shape[:2])):
+            y, x = np.mgrid[rows, columns].astype(np.float32)
             x, y = ((v - (first + middle)) / self.step for v, first in ((x, self.corner[1]), (y, self.corner[0])))
             logs = cv2.remap(self.logs, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-            albedo[part] *= np.exp(-logs).reshape(*x.shape, -1)
+            part = albedo[rows]
+            part[:, columns] *= np.exp(-logs).reshape(*x.shape, -1)
+            albedo[rows] = part
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from photonormal.files import memory
+from photonormal.files.rows import Rows
 from photonormal.masked import box_of, row_bands
 from photonormal.materials.lobes import (
     BARE,
@@ -26,7 +27,7 @@ from photonormal.methods.engine import plan
 from photonormal.methods.engine.near import seen_as_distant
 from photonormal.methods.inputs.workers import side_by_side
 from photonormal.progress import progress
-from photonormal.types import Capture, Materials, Normals, saturated_in
+from photonormal.types import Capture, Materials, Normals, RowMap, saturated_in
 
 CPU = torch.device("cpu")
 PIXELS = 2**10  # whose lobes are computed at a time: they fit into a cache
@@ -55,12 +56,7 @@ def materials_of(capture: Capture, normals: Normals) -> Materials:
     capture = seen_as_distant(capture, normals)
     capture.known_lights()
     h, w = capture.mask.shape
-    found = Materials(
-        np.zeros((h, w, 3), np.float32),
-        np.zeros((h, w, 3), np.float32),
-        np.full((h, w), np.nan, np.float32),
-        np.full((h, w), np.nan, np.float32),
-    )
+    found = Materials(*(_empty(shape) for shape in ((h, w, 3), (h, w, 3), (h, w), (h, w))))
     columns = box_of(capture.mask)[1]
     with progress("materials", int(capture.mask.sum())) as advance:
         for rows in row_bands(capture.mask, _pixels(capture)):
@@ -68,6 +64,14 @@ def materials_of(capture: Capture, normals: Normals) -> Materials:
             _fill(found, capture, normals, rows, around, columns)
             advance(int(capture.mask[rows].sum()))
     return found
+
+
+def _empty(shape: tuple[int, ...]) -> RowMap:
+    """A map where nothing is known: of colours zero, else NaN; on disk where the frame is large."""
+    map = Rows(shape, np.float32) if plan.lies_aside(shape[:2], CPU) else np.zeros(shape, np.float32)
+    if len(shape) == 2:
+        map[:] = np.nan
+    return map
 
 
 def _pixels(capture: Capture) -> int:
@@ -102,14 +106,16 @@ def _fill(found: Materials, capture: Capture, normals: Normals, rows: slice, aro
     roughness = torch.where(told, roughness, torch.nan)
     kept = np.zeros_like(on)
     kept[rows.start - around.start : rows.stop - around.start] = True
-    kept, mine = kept & on, torch.from_numpy(kept[on])
+    mine = torch.from_numpy(kept[on])
     for map, values in (
         (found.albedo, rho * seen[0].unit),
         (found.specular, F0 * seen[0].unit),
         (found.roughness, roughness),
         (found.metalness, metal),
     ):
-        map[around, columns][kept] = values[mine].numpy()
+        part = map[rows]
+        part[:, columns][normals.mask[rows, columns]] = values[mine].numpy()
+        map[rows] = part
 
 
 @dataclass(frozen=True)

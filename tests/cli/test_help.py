@@ -1,7 +1,10 @@
 """What the commands print for people and for programs: help, version, JSON, the next step."""
 
+import ast
 import json
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -34,6 +37,19 @@ def test_no_help_speaks_of_none(command, capsys):
 def test_what_to_give_is_named_and_no_default_is_empty(command, capsys):
     said = " ".join(help_of(command, capsys).replace("│", "").split())
     assert "STR" not in said and "(default: )" not in said and "(default: '')" not in said
+
+
+@pytest.mark.parametrize("file", sorted(Path(cli.__file__).parent.glob("*.py")), ids=lambda p: p.name)
+def test_no_line_of_an_option_ends_within_a_sentence(file):
+    """The help breaks lines where its source does, at any width."""
+    texts = [
+        text.value.value
+        for kind in ast.walk(ast.parse(file.read_text()))
+        if isinstance(kind, ast.ClassDef)
+        for option, text in pairwise(kind.body)
+        if isinstance(option, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant)
+    ]
+    assert [text for text in texts if not all(line.endswith(".") for line in text.splitlines())] == []
 
 
 def test_options_of_measure_stand_in_groups_with_their_choices(capsys):

@@ -106,8 +106,7 @@ class Integrate:
     normals: Positional[Path]
     """Normal map (.npz, .npy, .mat, or a picture), or a folder that `measure` wrote."""
     out: Path
-    """File to write: .npz (depth), .png or .tif (16-bit heights), .exr (float heights),
-    .ply, .obj, .glb or .stl (mesh)."""
+    """File to write: .npz (depth), .png or .tif (16-bit heights), .exr (heights), .ply, .obj, .glb or .stl (mesh)."""
     method: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
     """simchony is fastest where the mask nearly fills the picture; bilateral lets the depth jump at edges."""
     tile: bool = False
@@ -121,8 +120,8 @@ class Integrate:
     albedo: File = None
     """Picture with the colours of a mesh; by default that of the result folder."""
     frame: MapFrame = "auto"
-    """Frame of the map: opengl (green up), directx (green down), y-down (and z away), z-away (green up, z away),
-    blender (world space seen from the front: y away, z up); auto: as the file says, else found from the normals."""
+    """Frame of the map: opengl (green up), directx (green down), y-down (and z away), z-away (green up) or blender.
+    blender: world space seen from the front, y away and z up. auto: as the file says, else found from the normals."""
     overwrite: bool = False
     """Replace a file that exists."""
     reading: OmitArgPrefixes[Reading] = Reading()

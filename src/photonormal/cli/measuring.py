@@ -32,8 +32,8 @@ class How:
     integration: Literal["simchony", "quadratic", "bilateral"] = "quadratic"
     """How depth is found; bilateral lets the depth jump at edges."""
     sphere: Annotated[str, shown("auto|FOLDER")] = ""
-    """Find the lights by a mirror sphere. auto: the photographs may show one. FOLDER: it holds photographs of a sphere
-    under the same lights; it lies in the capture's folder, or is one for all captures."""
+    """Find the lights by a mirror sphere. auto: the photographs may show one.
+    FOLDER: it has photographs of a sphere under the same lights; it is the capture's own, or one for all."""
     refine_lights: bool = False
     """Correct lights that may be off by some degrees each, so that they fit the photographs."""
     camera: File = None

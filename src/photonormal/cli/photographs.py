@@ -54,15 +54,15 @@ class LightOptions:
     """Where the lights are, and how bright."""
 
     lights: File = None
-    """File with light directions, used instead of the capture's own: .lp, .csv, .txt, .npy, .npz, .mat, .dome,
-    .relight or .json; or `unknown`, to find directions and intensities from the photographs."""
+    """File with light directions (.lp, .csv, .txt, .npy, .npz, .mat, .dome, .relight, .json), not the capture's own.
+    `unknown`: directions and intensities are found from the photographs."""
     lights_as: Annotated[
         Literal["", "directions", "angles", "azimuth-elevation"], shown("{directions,angles,azimuth-elevation}")
     ] = ""
     """What the numbers in that file are: x, y, z; or, in degrees, slant and tilt (angles), or azimuth and elevation."""
     frame: Frame = "opengl"
-    """Frame of the directions: opengl (y up, z to the camera), directx (y down), y-down (and z away), z-away (y up), or
-    blender (y away, z up)."""
+    """Frame of the directions: opengl (y up, z to the camera), directx (y down), y-down (and z away), z-away, blender.
+    z-away: y is up. blender: y is away and z is up."""
     ring: Number = None
     """No file: N lamps stand at equal steps around the object, in the photographs' order; needs --elevation."""
     elevation: Degrees = None
@@ -94,8 +94,8 @@ class Corrections:
     dark: File = None
     """Picture taken with all lights off. It is subtracted, which removes ambient light and the sensor's black level."""
     flat: FileOrFolder = None
-    """Picture of an even white surface. The photographs are divided by it, which removes vignetting and dust. Or a
-    folder with a picture of a white or grey board for each light, which also removes fall-off and intensities."""
+    """Picture of an even white surface. The photographs are divided by it, which removes vignetting and dust.
+    FOLDER: a picture of a white or grey board for each light, which also removes fall-off and intensities."""
     hot_pixels: bool = False
     """Replace pixels that stand out from their neighbours in the --dark picture, or else in all photographs."""
     lens: File = None

@@ -26,8 +26,8 @@ class Calibrate:
     folder: Positional[Path]
     """Folder with the object's photographs."""
     sphere: tuple[Path, ...] = (Path("AUTO"),)
-    """Folders with photographs of a mirror sphere or a glossy ball, under the same lights in the same order; AUTO: the
-    object's photographs show the sphere."""
+    """Folders with photographs of a mirror sphere or a glossy ball, under the same lights in the same order.
+    AUTO: the object's photographs show the sphere."""
     from_object: bool = False
     """There is no sphere: find directions and intensities from the photographs of the object."""
     out: Path = Path("lights.lp")

@@ -48,6 +48,12 @@ class TestPictures:
         message = refusal(load_and_decode, folder)
         assert came in message and "3.png" in message
 
+    def test_turned(self, folder):
+        write_picture(folder / "3.png", np.rot90(samples(2)))
+        assert (
+            "24 x 30 pixels but 30 x 24" in (message := refusal(load_and_decode, folder)) and "turn it back" in message
+        )
+
     @pytest.mark.parametrize("n", [1, 2])
     def test_fewer_than_three(self, tmp_path, n):
         assert f"{n} images came" in refusal(load, write_folder(tmp_path, n))

@@ -100,10 +100,13 @@ def pages_of(path: Path) -> int:
 
 
 def _same_frame(header: Header, frame: tuple[int, int] | None, path: Path) -> None:
-    if frame is not None and (header.height, header.width) != tuple(frame):
+    came = header.height, header.width
+    if frame is not None and came != tuple(frame):
+        turned = came == tuple(frame)[::-1]
+        remedy = "a program may have turned it: turn it back" if turned else "export it with the same frame"
         raise InputError(
-            f"picture {path} has {in_pixels((header.height, header.width))} but {in_pixels(frame)} are needed, as the "
-            "other pictures of the capture have; export it with the same frame."
+            f"picture {path} has {in_pixels(came)} but {in_pixels(frame)} are needed, as the other pictures of the "
+            f"capture have; {remedy}."
         )
 
 

@@ -26,6 +26,8 @@ def check(capture: Capture, told: FoundLights | None = None) -> list[Finding]:
     with progress("checking"):
         found = findings_of(capture)
     if told is not None:
+        if told.intensities is not None:  # nobody gave others, which could be corrected
+            found = [f for f in found if f.kind != "intensities"]
         return found + [Finding("lights", False, note) for note in told.notes]
     return found + _off(capture, found)
 

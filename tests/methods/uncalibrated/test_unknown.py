@@ -13,6 +13,7 @@ from photonormal import InputError
 from photonormal.capture import lights_from
 from photonormal.cli import main
 from photonormal.export import load_normals
+from photonormal.lighting import FoundLights
 from photonormal.methods.learned.lightsnet import LightsConfig, LightsNet
 from photonormal.methods.uncalibrated import found_lights
 from photonormal.methods.uncalibrated.guess import guess, turned, turned_back
@@ -169,3 +170,10 @@ def test_of_one_light_that_is_off_by_far_the_photograph_is_named_and_no_light_of
     (found,) = pn.check(replace(true, lights=L))
     assert found.kind == "lights" and found.lights is None and "Look at that photograph" in found.message
     assert true.image_names[7] in found.message
+
+
+def test_intensities_that_were_found_are_not_blamed_on_a_file():
+    true = lambertian(sphere(64), scattered(20))
+    told = FoundLights(true.known_lights(), np.where(np.arange(20) == 7, 1.6, 1.0))
+    assert [f.kind for f in pn.check(told.shown_by(true))] == ["intensities"]
+    assert not pn.check(told.shown_by(true), told)

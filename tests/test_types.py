@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from photonormal.types import Camera, Capture, InputError, Lamps, Normals, Surface, unit_lights
+from photonormal.types import Camera, Capture, InputError, Lamps, Normals, Surface, lights_behind, unit_lights
 from tests.capture.files import LIGHTS, MASK, refusal
 
 IMAGES = np.zeros((4, 24, 30, 3), np.float32)
@@ -16,6 +16,12 @@ class TestLights:
         lights = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 1, 0]])
         unit = unit_lights(scale * lights, NAMES)
         np.testing.assert_allclose(unit, lights / np.linalg.norm(lights, axis=1, keepdims=True), atol=1e-15)
+
+    def test_behind_the_object_is_what_shines_away_from_the_camera(self):
+        """A lamp on the horizon lights every slope that faces it, whatever side of it rounding puts it on."""
+        elevation = np.radians([-30, -0.1, 0, 180, 0.1, 90])
+        lights = np.stack([np.cos(elevation), np.zeros(6), np.sin(elevation)], axis=-1)
+        assert lights_behind(lights).tolist() == [0, 1] == lights_behind(lights - [0, 0, 1e-12]).tolist()
 
     @pytest.mark.parametrize("shape", [(3, 3), (5, 3), (4, 2), (3, 4), (12,), (0, 3)])
     def test_other_shapes(self, shape):

@@ -27,7 +27,7 @@ from photonormal.methods.learned.processor import inner_precision
 from photonormal.progress import progress
 from photonormal.shading import angle_deg
 from photonormal.synth import Stream
-from photonormal.types import InputError, unit_lights
+from photonormal.types import InputError, lights_behind, unit_lights
 
 ASKED, CHECKED = 0, 1  # batches of rendered windows
 WINDOWS = {"crop": 8, "crops": 16, "scenes": 32}
@@ -61,9 +61,9 @@ def choose_from(path: Path, count: int, out: Path | None = None, overwrite: bool
     listed = read_lights(path)
     names = listed.names or [str(j + 1) for j in range(len(listed.vectors))]
     L = unit_lights(listed.vectors, [f"lamp {name}" for name in names])
-    if (L[:, 2] <= 0).any():
+    if len(behind := lights_behind(L)):
         raise InputError(
-            f"{int((L[:, 2] <= 0).sum())} of the {len(L)} lights in {path} lie behind the object (z not above 0) but "
+            f"{len(behind)} of the {len(L)} lights in {path} lie behind the object (z below 0) but "
             "lamps in front of it are needed; change the sign of z, or leave them out."
         )
     found = choose(L, count)

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from photonormal.errors import InputError
 
 UNITS = {10: "centimetres", 25.4: "inches", 1000: "metres"}  # millimetres that each holds
 FARTHEST = 100  # of an object's radius, that lamps are far away
+BEHIND = -1e-6  # z of a unit direction below which it comes from behind; what is above is rounding
 COPLANAR = 1000.0  # condition number of the lights above which three dimensions are not spanned in practice
 
 
@@ -101,6 +102,11 @@ class Lamps:
         """Some of the lamps."""
         some = list(chosen)
         return Lamps(self.positions_mm[some], self.axes[some], self.mu[some])
+
+
+def lights_behind(L: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, " k"]:
+    """Which lights, unit directions, come from behind the object: z below 0, so that what faces the camera is dark."""
+    return np.flatnonzero(L[:, 2] < BEHIND)
 
 
 def unit_lights(lights: Any, names: Sequence[str]) -> Float[np.ndarray, "n 3"]:

@@ -29,6 +29,7 @@ from photonormal.errors import printable as printable
 from photonormal.lamps import Camera as Camera
 from photonormal.lamps import Lamps as Lamps
 from photonormal.lamps import from_the_middle
+from photonormal.lamps import lights_behind as lights_behind
 from photonormal.lamps import unit_lights as unit_lights
 from photonormal.lazy import Image as Image
 from photonormal.lazy import Images as Images

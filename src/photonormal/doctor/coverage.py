@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from photonormal.doctor.finding import Finding, counted
+from photonormal.types import lights_behind
 
 FEW = 6  # lights: fewer leave no sample to spare for a shadow or a highlight
 NARROW_DEG = 25.0  # from the axis: lights nearer than that show little of steep parts
@@ -56,7 +57,7 @@ def coverage(L: Float[np.ndarray, "n 3"]) -> list[Finding]:
         found.append(
             f"the lights are uneven (condition number {numbers['condition']:.0f}); spread them around the camera's axis"
         )
-    below = np.flatnonzero(L[:, 2] < 0)
+    below = lights_behind(L)
     if below.size:
         found.append(
             f"{counted(len(below), 'light lies', 'lights lie')} behind the object (z below 0); z has to point from the "
@@ -79,10 +80,10 @@ def polar_plot(L: Float[np.ndarray, "n 3"], names: list[str] | None = None) -> U
     for text, x, y in (("right", c + r + 4, c + 4), ("left", 8, c + 4), ("up", c - 8, 20), ("down", c - 18, SIZE - 10)):
         cv2.putText(picture, text, (x, y), 0, 0.4, (110, 110, 110), 1, cv2.LINE_AA)
     zenith = np.degrees(np.arccos(L[:, 2].clip(-1, 1))).clip(0, 100)
-    azimuth = np.arctan2(L[:, 1], L[:, 0])
+    azimuth, behind = np.arctan2(L[:, 1], L[:, 0]), lights_behind(L)
     for j, (z, a) in enumerate(zip(zenith, azimuth, strict=True)):
         x, y = round(c + r * z / 90 * np.cos(a)), round(c - r * z / 90 * np.sin(a))
-        colour = (200, 60, 20) if L[j, 2] < 0 else (20, 110, 200)
+        colour = (200, 60, 20) if j in behind else (20, 110, 200)
         cv2.circle(picture, (x, y), 4, colour, -1, cv2.LINE_AA)
         label = names[j] if names else str(j + 1)
         cv2.putText(picture, label, (x + 6, y - 4), 0, 0.35, (90, 90, 90), 1, cv2.LINE_AA)

@@ -46,6 +46,15 @@ def test_pictures_in_a_unit_whose_squares_overflow(method, how):
         pn.measure(huge, method, lights=how)
 
 
+@pytest.mark.parametrize("behind", [1, 6])
+def test_where_some_lights_lie_behind_the_object_check_and_measure_say_so(behind):
+    lights = BALL.known_lights().copy()
+    lights[:behind, 2] *= -1
+    capture = replace(BALL, lights=lights)
+    (told,) = [finding.message for finding in pn.check(capture) if "behind the object" in finding.message]
+    assert told.startswith(f"{behind} light") and told in pn.measure(capture, "woodham").report["warnings"]
+
+
 def test_one_picture_that_differs_is_enough_to_go_on():
     """However little it is: then normals are wrong, but the photographs say why (`photonormal.check`)."""
     images = np.full_like(BALL.images, 0.5)

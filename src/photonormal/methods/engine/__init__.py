@@ -9,7 +9,7 @@ import torch
 from photonormal.lighting import under
 from photonormal.masked import on_map
 from photonormal.methods.contract import Method, Solution, Solver, Streaming
-from photonormal.types import Capture, InputError, Normals
+from photonormal.types import Capture, InputError, Normals, lights_behind
 
 
 def run(method: Method, capture: Capture, device: torch.device, rows: slice | None = None) -> Solution:
@@ -68,7 +68,7 @@ def check_needs(method: Method, capture: Capture) -> None:
             f"{n} images came but {name_of(method)} needs {needs.images} or more lights; "
             "add photographs or use woodham."
         )
-    if needs.lights and (capture.known_lights()[:, 2] < 0).all():
+    if needs.lights and len(lights_behind(capture.known_lights())) == n:
         raise InputError(
             f"all {n} lights of {capture.name} lie behind the object (z below 0) but z has to point from the object to "
             "the camera; turn its sign in the file."

@@ -68,6 +68,24 @@ def test_a_picture_that_was_missing_is_noticed_wherever_it_comes(season, tmp_pat
     assert batch()[1].startswith("1 measured, 2 were done:")
 
 
+def test_a_list_that_failed_is_tried_again_once_a_picture_that_it_names_is_there(season, tmp_path, here, batch):
+    """Wherever that is: beside the list or not."""
+    lights, pictures = pn.load(season / "vase-0").lights, sorted((season / "vase-0").glob("0*.png"))
+    (tmp_path / "lists").mkdir()
+    lines = [f"{p} {' '.join(map(str, v))}" for p, v in zip(pictures, lights, strict=True)]
+    (tmp_path / "lists" / "a.lp").write_text("\n".join([str(len(lines)), *lines]))
+    pictures[2].rename(tmp_path / "003.png")
+    lists = [tmp_path / "lists" / "*.lp"]
+    assert "0 measured, 0 were done, 1 failed" in batch(captures=lists)[1]
+    report = tmp_path / "results" / "a" / "report.json"
+    before = report.stat().st_mtime_ns
+    code, out, err = batch(captures=lists)
+    assert code == 1 and "0 measured, 0 were done, 1 failed" in out and err.startswith("photonormal: a: ")
+    assert report.stat().st_mtime_ns == before  # it was not tried
+    (tmp_path / "003.png").rename(pictures[2])
+    assert batch(captures=lists)[1].startswith("1 measured")
+
+
 def test_what_the_machine_was_too_small_for_is_tried_again(season, tmp_path, here, batch):
     captures = [season / "vase-0"]
     code, _, err = batch("--memory", "20KB", captures=captures)

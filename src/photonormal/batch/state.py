@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict
 
 from photonormal.capture import place_of
+from photonormal.capture.rti import named_pictures
 from photonormal.disk import at_once, recover
 from photonormal.export.folder import MARKER, REPORT, as_json, listed_files
 from photonormal.files.opening import Opened
@@ -112,7 +114,7 @@ def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Opene
     """
     try:
         told = None
-        if read is not None and os.path.isdir(place_of(job.capture)):  # what else a list may need, lies anywhere
+        if read is not None:
             told = {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
         failure = {"kind": kind, "message": message, PROVENANCE: told}
         ours = listed_files(job.out) is not None
@@ -131,10 +133,15 @@ def _inputs(job: Job, read: Mapping[Path, Opened]) -> Inputs:
 
 
 def all_below(capture: Path) -> set[str]:
-    """The files of a capture's folder and of all folders in it that are no results: any may be what is missing."""
+    """The files of a capture's folder and of all folders in it that are no results, and those anywhere that its list
+    names: any may be what is missing."""
     folder, found = folder_of(capture), set()
     for place, folders, files in os.walk(folder):
         inside = Path(place)
         folders[:] = [name for name in folders if name[0] != "." and listed_files(inside / name) is None]
         found |= {(inside / name).relative_to(folder).as_posix() for name in files if name[0] != "."}
+    if capture.is_file():
+        with suppress(InputError):  # it is no list
+            there, place = (p.resolve() for p in named_pictures(capture)), folder.resolve()
+            found |= {str(picture) for picture in there if not picture.is_relative_to(place)}
     return found

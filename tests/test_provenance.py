@@ -118,5 +118,5 @@ def test_the_network_that_tells_lights_counts_where_they_are_unknown(monkeypatch
     assert change(given, made_by("woodham", {})) is None
     assert change(unknown, made_by("woodham", {}, "unknown")) == (
         "lights_sha256",
-        "other weights of the network that tells lights",
+        "other weights of the network that finds lights",
     )

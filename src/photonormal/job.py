@@ -260,7 +260,7 @@ def _read(job: Job, opened: dict[Path, Opened]) -> tuple[Capture, dict[str, Any]
             try:
                 return load(job.capture, **reading), reading, Calibrated(notes=[note])
             except InputError as error:
-                raise InputError(f"{error} No sphere tells the lights either: {refusal}") from None
+                raise InputError(f"{error} No sphere gave lights either: {refusal}") from None
         capture = load(job.capture, **reading | {"lights": lights, "frame": "opengl", "lights_as": ""})
         files = {p.name: p.read_bytes() for p in sorted(Path(made).iterdir()) if p.suffix != ".txt"}
         for path in [p for p in opened if p.is_relative_to(Path(made).resolve())]:

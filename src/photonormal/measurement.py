@@ -111,8 +111,8 @@ def measure(
             made_of = materials_of(lit, normals)
         if told is not None:
             warnings.append(
-                "Materials need exact lights, and these were found from the photographs: where they are off by some "
-                "degrees, gloss is seen that is none, and base_colour.png gets dark spots. Compare it with albedo.png, "
+                "Materials need exact lights, and these were found from the photographs: an error of some degrees "
+                "looks like gloss, and base_colour.png gets dark spots. Compare it with albedo.png, "
                 "or take the lights from a mirror sphere."
             )
     if albedo and lit.lights is not None:

@@ -38,7 +38,7 @@ COMPARED = {  # what a result is made by -> how a change of it is named
     "srgb": "srgb",
     "weights_sha256": "other weights",
     "source_sha256": "other code of the method",
-    "lights_sha256": "other weights of the network that tells lights",
+    "lights_sha256": "other weights of the network that finds lights",
 }
 
 

@@ -54,7 +54,7 @@ def test_a_sphere_in_each_capture_or_one_for_all(season, tmp_path, here, batch, 
 def test_auto_takes_a_capture_s_own_lights_where_it_shows_no_sphere(season, tmp_path, here, batch):
     np.savetxt(season / "vase-0" / "light_directions.txt", LIGHTS)
     code, _, err = batch("--sphere", "auto")
-    assert code == 1 and err.count("\n") == 1 and "vase-1: " in err and "No sphere tells the lights either" in err
+    assert code == 1 and err.count("\n") == 1 and "vase-1: " in err and "No sphere gave lights either" in err
     assert "refused.png" not in err
     report = json.loads((tmp_path / "results" / "vase-0" / "report.json").read_text())
     assert error_deg(tmp_path / "results", "vase-0") < 1 and "own lights were used" in report["warnings"][-1]

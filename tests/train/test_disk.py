@@ -303,7 +303,7 @@ def test_sets_that_a_recipe_can_t_use(root, tmp_path):
 
 @pytest.mark.parametrize("changes", [{"network": "lightsnet", "config": {}}, {"lights": "sdps-lights"}], ids=str)
 def test_lights_are_not_told_by_windows(root, tmp_path, changes):
-    with pytest.raises(InputError, match="lights are told by whole objects, of which it has windows; leave it out"):
+    with pytest.raises(InputError, match="lights are learned from whole objects, of which it holds windows"):
         run(tmp_path / "out", root, recipe=replace(RECIPE, priors=(), **changes))
     assert not (tmp_path / "out").exists()
 

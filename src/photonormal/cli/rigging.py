@@ -178,8 +178,8 @@ class Lights:
         numbers = ",".join(str(j + 1) for j in found.lamps)
         print(f"keep {len(found.lamps)} lamps: {numbers}")
         print(
-            f"the method lmps is off by {found.error_deg:.1f} degrees on rendered objects under them, by "
-            f"{found.chance_deg:.1f} under as many drawn by chance, and by {found.all_deg:.1f} under all"
+            f"the mean error of the method lmps on rendered objects is {found.error_deg:.1f} degrees under them, "
+            f"{found.chance_deg:.1f} under as many drawn by chance, and {found.all_deg:.1f} under all"
         )
         if self.out:
             print(self.out)

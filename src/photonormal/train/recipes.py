@@ -117,7 +117,7 @@ class Recipe:
         if self.rig:
             return "a network for one rig learns from scenes under its lights"
         if self.lights or self.network == "lightsnet":
-            return "lights are told by whole objects, of which it has windows"
+            return "lights are learned from whole objects, of which it holds windows"
         return ""
 
     def share(self, step: int, fraction: float) -> float:

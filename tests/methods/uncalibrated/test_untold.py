@@ -59,7 +59,7 @@ def test_only_an_outline_where_the_surface_turns_away_tells_a_bulge_from_a_hollo
 
 def test_how_far_lights_are_off_is_told_of_objects_seen_whole_alone():
     assert "about 2 degrees off" in off_by(2.0, leaning(*surface("sphere")))
-    assert "can't be told" in off_by(2.0, leaning(*surface("waves")))
+    assert "is not known" in off_by(2.0, leaning(*surface("waves")))
     N, inside = surface("sphere")
     cap = inside & torch.from_numpy(np.hypot(X, Y) < 0.5)  # a dome whose rim still faces the camera
-    assert "can't be told" in off_by(2.0, leaning(N[cap[inside]], cap))
+    assert "is not known" in off_by(2.0, leaning(N[cap[inside]], cap))

@@ -62,7 +62,7 @@ def off_by(off_deg: float, outwards: float) -> str:
             "surface turns away from the camera; for a sherd or another domed part they may be off by 25"
         )
     return (
-        "how far they are off can't be told, since the surface does not turn away from the camera along the outline: "
+        "how far they are off is not known, since the surface does not turn away from the camera along the outline: "
         "for coins, plates, tablets and cloth it was more than 30 degrees as a rule, for objects without a mask 2 to "
         "34; give a mask of the whole object, or give the lights"
     )

@@ -63,6 +63,16 @@ def test_many_pictures_shifted_alike_are_told_against_the_others(rough, group):
     assert (found.any(1) == named).all() and np.abs(found[named] - sign * np.array([-2, 3])).max() < 0.5
 
 
+def test_pictures_shifted_alike_are_told_to_parts_of_a_pixel(rough):
+    """Pixels here are many of a large photograph's."""
+    from scipy.ndimage import shift
+
+    images, moved = rough.copy(), np.arange(len(rough)) >= 12
+    images[moved] = shift(images[moved], (0, 2.6, -1.6), mode="wrap")
+    found = shifts(images)
+    assert (found.any(1) == moved).all() and np.abs(found[moved] - [-1.6, 2.6]).max() < 0.2
+
+
 def test_pictures_shifted_alike_are_named_together(rough):
     images = rough.copy()
     images[12:] = np.roll(images[12:], (0, 4), axis=(1, 2))

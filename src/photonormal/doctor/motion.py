@@ -32,14 +32,28 @@ PLAIN = 0.4, 1.0  # of its unexplained detail, left after the shift, and those d
 def shifts(pictures: Float[np.ndarray, "n a b"]) -> Float[np.ndarray, "n 2"]:
     """Shift (x right, y down) in pixels of each picture against what the others show; 0 where it is not certain."""
     shown, found = Pictures.of(pictures), np.zeros((len(pictures), 2))
+    rest = np.zeros_like(found)
     for _ in range(GROUPS):
         moved = _group(shown)
         if moved is None:
             break
         group, y, x = moved
+        rest[group] = _rest(shown, group, y, x)
         shown = shown.shifted_back(group, y, x)
         found[group] += x, y
-    return found + _one_by_one(shown)
+    alone = _one_by_one(shown)
+    return found + np.where(alone.any(1, keepdims=True), alone, rest)
+
+
+def _rest(shown: Pictures, group: Bool[np.ndarray, " n"], y: int, x: int) -> tuple[float, float]:
+    """Parts of a pixel, right and down, by which a group is shifted farther than by y down and x to the right."""
+    r, those = shown.reach, np.flatnonzero(group).tolist()
+    if max(abs(y), abs(x)) == r:
+        return 0.0, 0.0
+    U = shown.principal(~group, those[0])
+    left = np.mean([np.log(shown.left(j, U)) for j in those], axis=0)
+    near = left[y + r - 1 : y + r + 2, x + r - 1 : x + r + 2]
+    return (_dip(near[1]), _dip(near[:, 1])) if near.argmin() == 4 else (0.0, 0.0)
 
 
 def _group(shown: Pictures) -> tuple[Bool[np.ndarray, " n"], int, int] | None:
@@ -122,7 +136,7 @@ def _told(shift: Float[np.ndarray, "n 2"], names: list[str]) -> str:
     places, alike = np.unique(shift, axis=0, return_inverse=True)
     told = []
     for k in np.argsort(-np.linalg.norm(places, axis=1)).tolist():
-        x, y = places[k]
+        x, y = places[k].round(1) + 0.0  # no -0.0
         these = np.flatnonzero(alike.ravel() == k)
         if not (x or y):
             continue

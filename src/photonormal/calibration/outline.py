@@ -19,6 +19,7 @@ NOISE = 0.01  # gradient, in square roots of full scale a pixel, that counts hal
 EDGE_POWER = 3  # of roots: between linear levels and encoded ones made linear, so that an edge is where it is half way
 INNER = 2  # of the surest circles that a fainter one may lie around
 OUTER = (1.15, 1.3, 1.45)  # its radius, in theirs: the table's horizon in a ball is 0.71 of its outline
+RUNS_OFF = 3.0  # change of a circle, in what is looked at to both sides of it, after which it is another one's
 ANGLES = 360  # places around a circle at which its edge is looked for
 
 
@@ -104,7 +105,10 @@ def _peaks(votes: np.ndarray, count: int) -> list[tuple[int, int, int]]:
 
 
 def refined_circle(pictures: Sequence[np.ndarray], start: np.ndarray, pixel: float = 1.0) -> Circle:
-    """The circle nearest to `start` (x, y, r) that fits the pictures' edges, and how much of it they show."""
+    """The circle nearest to `start` (x, y, r) that fits the pictures' edges, and how much of it they show.
+
+    It is `start`, of which they show nothing, where edges in a line would make it ever larger.
+    """
     import cv2
 
     x, y, r = start
@@ -128,7 +132,10 @@ def refined_circle(pictures: Sequence[np.ndarray], start: np.ndarray, pixel: flo
         vertex = 0.5 * (a - c) / np.minimum(a - 2 * b + c, -1e-9)  # of a parabola through three samples
         distance = t[1:-1][k] + 0.5 * vertex.clip(-1, 1)
         place = np.stack([x + np.cos(phi) * distance, y + np.sin(phi) * distance], axis=-1)
-        x, y, r, _ = fit_circle(place, weights=b.clip(1e-6))
+        fitted = fit_circle(place, weights=b.clip(1e-6))[:3]
+        if np.abs(np.subtract(fitted, (x, y, r))).max() > RUNS_OFF * window:
+            return Circle(*(float(v) for v in start), confidence=0.0, residual_px=float("inf"))
+        x, y, r = fitted
     off = np.hypot(place[:, 0] - x, place[:, 1] - y) - r
     tolerance = max(0.004 * r, 0.75 * blur)
     near = np.abs(off) < tolerance

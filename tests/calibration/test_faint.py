@@ -21,6 +21,14 @@ def test_where_a_shadow_lies_tells_its_lamp():
         assert angle_deg(directions(BALL, found)[0], LIGHTS).mean() < 1.5
 
 
+def test_shadows_turn_around_a_sphere_and_not_around_places_of_a_relief():
+    pictures, rng = scene(LIGHTS), np.random.default_rng(4)
+    for picture in pictures:
+        picture[:, :90] *= np.kron(rng.random((40, 15)) < 0.5, np.ones((6, 6)))
+    first = faint.turned_around(Surroundings.of([np.sqrt(p) for p in pictures]))[0]
+    assert np.hypot(first.x - BALL.x, first.y - BALL.y) < 1 and abs(first.r - BALL.r) < 2
+
+
 def test_what_mirrors_is_brighter_in_each_picture_where_its_own_lamp_would_be():
     xy, rng = highlights(LIGHTS), np.random.default_rng(1)
     y, x = np.mgrid[:240, :320]

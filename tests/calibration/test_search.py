@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from photonormal.calibration.choice import FoundCircle
-from photonormal.calibration.circle import SphereError
+from photonormal.calibration.circle import Circle, SphereError
+from photonormal.calibration.mirror import directions
 from photonormal.calibration.search import find_spheres
+from photonormal.calibration.survey import Survey
+from photonormal.geometry import angle_deg
 from photonormal.types import InputError
 from tests.calibration.chrome import CENTRE, RADIUS, SHAPE, dome, highlight_at, photograph
+from tests.calibration.test_shadow import scene
 
 
 def found(frames, count=1) -> list[FoundCircle]:
@@ -110,3 +114,12 @@ def test_the_ball_is_what_mirrors_and_its_outline_the_outermost_circle(scene):
 def test_a_coin_alone_is_no_sphere():
     with pytest.raises(SphereError, match="no mirror sphere was found in chrome"):
         found([p[:, :200] for p in table(dome(10, 80), coin=True)])
+
+
+def test_shadows_lead_to_a_small_ball_where_no_highlights_do(monkeypatch):
+    monkeypatch.setattr(Survey, "constellations", lambda _: [])
+    ball, lights = Circle(262.0, 120.0, 6.0), dome(12, 70)[4:]
+    (sphere,) = found(scene(lights, ball=ball))
+    assert np.hypot(sphere.circle.x - ball.x, sphere.circle.y - ball.y) < 0.3 and abs(sphere.circle.r - ball.r) < 0.5
+    L, _ = directions(sphere.circle, sphere.xy)
+    assert angle_deg(L, lights).mean() < 5

@@ -15,18 +15,18 @@ from tests.calibration.chrome import SHAPE, dome, highlight_at
 BALL, UP = Circle(150.0, 120.0, 20.0), np.array([0.0, 0.0, 1.0])
 
 
-def scene(lights, base=0.0, wrong=()) -> list[np.ndarray]:
+def scene(lights, base=0.0, wrong=(), ball=BALL) -> list[np.ndarray]:
     """A black ball on a white table, in front of it its shadows, below it a darker round base of that radius.
 
     The highlights of `wrong` pictures lie opposite.
     """
     y, x = (a.ravel() for a in np.mgrid[: SHAPE[0], : SHAPE[1]].astype(float))
-    rng, away, made = np.random.default_rng(0), np.hypot(x - BALL.x, y - BALL.y), []
-    dark = shadows(BALL, lights, UP, x, y)
+    rng, away, made = np.random.default_rng(0), np.hypot(x - ball.x, y - ball.y), []
+    dark = shadows(ball, lights, UP, x, y)
     for j, (light, shaded) in enumerate(zip(lights, dark, strict=True)):
         table = np.where(away < base, 0.3, 0.7) * (0.03 + light[2] * ~shaded)
-        sx, sy = highlight_at(light * [-1, -1, 1] if j in wrong else light, (BALL.x, BALL.y), BALL.r)
-        picture = np.where(away < BALL.r, 0.02, table) + 2 * np.exp(-((x - sx) ** 2 + (y - sy) ** 2) / 1.5**2)
+        sx, sy = highlight_at(light * [-1, -1, 1] if j in wrong else light, (ball.x, ball.y), ball.r)
+        picture = np.where(away < ball.r, 0.02, table) + 2 * np.exp(-((x - sx) ** 2 + (y - sy) ** 2) / 1.5**2)
         made.append((picture + 0.004 * rng.standard_normal(picture.shape)).clip(0, 1).reshape(SHAPE).astype(np.float32))
     return made
 

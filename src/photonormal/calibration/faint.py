@@ -12,8 +12,9 @@ from jaxtyping import Float
 
 from photonormal.calibration.circle import Circle
 from photonormal.calibration.mirror import directions
+from photonormal.calibration.outline import refined_circle, resized
 from photonormal.calibration.reflections import RIM
-from photonormal.calibration.shadow import FEW, VIEW, ShadowMatch, Surroundings
+from photonormal.calibration.shadow import BLUR, FEW, VIEW, ShadowMatch, Surroundings
 from photonormal.geometry import normalised
 
 LARGEST_PX = 15  # radius of a sphere below which its shadows alone may show its lamps
@@ -27,6 +28,53 @@ SHADOWS_TELL = 0.01  # standard deviation in radii of where shadows say that a l
 ASIDE = 3.0  # standard deviations from there, beyond which a highlight is noise or another thing's
 NOISE = 0.04  # the same in radii of highlights that are no more than noise
 SURELY = 4.0  # standard deviations by which pictures together stand out where their lamps would be mirrored
+SIZES = np.geomspace(0.012, 0.06, 5)  # radii of small spheres, as parts of the shorter side
+SEEN_AS = 3.0  # pixels of such a radius in pictures made smaller, in which shadows are seen
+AGREE = 0.7  # part of the pictures whose shadow lies on one side of a sphere
+PLACES, TRIED = 3, 12  # that are given, and that are tried with each radius
+
+
+def turned_around(around: Surroundings) -> list[Circle]:
+    """Small circles of edges, in pixels of the place, around which shadows turn; the best first.
+
+    Beside a sphere each picture is dark on one side and lit on the other, and the sphere stays where it is. A relief is
+    dark and lit beside each other everywhere, but shows no round edge there that stays.
+    """
+    found: list[tuple[float, Circle]] = []
+    for r in SIZES * min(around.still.shape):
+        for turns, x, y in _turns(around.missing, r):
+            for part in (1.0, 1.6):  # a long shadow turns farther outside
+                c = refined_circle([around.still], np.array([x, y, part * r]), around.blur / BLUR)
+                if np.hypot(c.x - x, c.y - y) < 2 * r:
+                    found.append((c.confidence * turns, c))
+    chosen: list[Circle] = []
+    for value, c in sorted(found, key=lambda f: -f[0]):
+        if value > 0 and all(np.hypot(c.x - a.x, c.y - a.y) > c.r + a.r for a in chosen):
+            chosen.append(c)
+    return chosen[:PLACES]
+
+
+def _turns(missing: Float[np.ndarray, "n a b"], r: float) -> list[tuple[float, float, float]]:
+    """By how much most pictures are darker on one side of a place than on the other, more than around it, and x, y.
+
+    The sides lie about 1.3 of the radius `r` from the place.
+    """
+    import cv2
+
+    scale, aside = SEEN_AS / r, round(1.33 * SEEN_AS)
+    small = [cv2.GaussianBlur(resized(p.astype(np.float32), scale), (0, 0), SEEN_AS / 2) for p in missing]
+    wide = np.pad(np.stack(small), ((0, 0), (aside, aside), (aside, aside)), mode="edge")
+    inner = slice(aside, -aside)
+    across = wide[:, inner, 2 * aside :] - wide[:, inner, : -2 * aside]
+    down = wide[:, 2 * aside :, inner] - wide[:, : -2 * aside, inner]
+    turns = np.quantile(np.hypot(across, down), 1 - AGREE, axis=0)
+    turns -= cv2.GaussianBlur(turns, (0, 0), 10 / 3 * SEEN_AS)
+    found = []
+    for _ in range(TRIED):
+        y, x = np.unravel_index(int(turns.argmax()), turns.shape)
+        found.append((float(turns[y, x]), (x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5))
+        turns[max(0, y - 2 * aside + 2) : y + 2 * aside - 1, max(0, x - 2 * aside + 2) : x + 2 * aside - 1] = 0
+    return [f for f in found if f[0] > 0]
 
 
 def near(around: Surroundings, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:

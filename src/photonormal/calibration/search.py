@@ -57,17 +57,12 @@ def find_spheres(
         If fewer than `count` were found, or one is largely cut off by the border.
     """
     survey = Survey.of(read, n, extra)
-    looked = _looked_at(survey, read, n, extra)
-    left, balls = [f for f in looked if f.good], []
-    while left:
-        first = max(left, key=lambda f: f.merit)
-        around = [f for f in left if overlap(f.circle, first.circle)]
-        balls.append(best_of(around, survey, where))
-        left = [f for f in left if not any(overlap(f.circle, a.circle) for a in around)]
-    balls = [f for f in balls if f.circle.confidence >= CONFIDENCE or f.supported]
-    if any(f.shades for f in balls):
-        balls = [f for f in balls if f.shades]
-    balls.sort(key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]) / f.width)  # the finer it mirrors, the better
+    looked = _looked_at(survey.constellations(), survey, read, n, extra)
+    looked += _in_place(survey.roots, survey.dark / np.float32(255), 0, 0, survey.scale)
+    balls = _balls(looked, survey, where)
+    if len(balls) < count:
+        looked += _looked_at(_shaded(survey), survey, read, n, extra)
+        balls = _balls(looked, survey, where)
     chosen, others = balls[:count], balls[count:]
     if len(chosen) < count:
         raise _refusal(looked, len(chosen), count, where, survey.shape)
@@ -85,11 +80,36 @@ def find_spheres(
     ]
 
 
-def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photograph]) -> list[FoundCircle]:
-    """Circles of all places, those alike once."""
-    h, w = survey.shape
-    places = survey.constellations()
-    boxes = [_box(place, (h, w)) for place in places]
+def _balls(looked: list[FoundCircle], survey: Survey, where: str) -> list[FoundCircle]:
+    """Of circles that were looked at those of mirror spheres, the best first."""
+    left, balls = [f for f in apart(looked) if f.good], []
+    while left:
+        first = max(left, key=lambda f: f.merit)
+        around = [f for f in left if overlap(f.circle, first.circle)]
+        balls.append(best_of(around, survey, where))
+        left = [f for f in left if not any(overlap(f.circle, a.circle) for a in around)]
+    balls = [f for f in balls if f.circle.confidence >= CONFIDENCE or f.supported]
+    if any(f.shades for f in balls):
+        balls = [f for f in balls if f.shades]
+    return sorted(balls, key=lambda f: -f.merit / (f.unexplained + AS_WELL[1]) / f.width)  # the finer, the better
+
+
+def _shaded(survey: Survey) -> list[tuple[float, float, float]]:
+    """Places (x, y, radius), in pixels of the photographs, of small circles around which shadows turn."""
+    around, scale = Surroundings.of(survey.roots[: len(survey.dark)], max(1.0, survey.scale)), survey.scale
+    circles = faint.turned_around(around)
+    return [((c.x + 0.5) / scale - 0.5, (c.y + 0.5) / scale - 0.5, c.r / scale) for c in circles]
+
+
+def _looked_at(
+    places: Sequence[tuple[float, float, float]],
+    survey: Survey,
+    read: Photograph,
+    n: int,
+    extra: Sequence[Photograph],
+) -> list[FoundCircle]:
+    """Circles of places (x, y, radius) in pixels of the photographs."""
+    boxes = [_box(place, survey.shape) for place in places]
     crops = [([], []) for _ in boxes]
     for k in range(n + len(extra)) if boxes else []:
         picture = read(k) if k < n else extra[k - n](0)
@@ -104,8 +124,7 @@ def _looked_at(survey: Survey, read: Photograph, n: int, extra: Sequence[Photogr
         middle = (x - left + 0.5) * scale - 0.5, (y - top + 0.5) * scale - 0.5
         seeds = [Circle(*middle, part * s * scale, 0.0) for part in SEEDS]
         found += _in_place(roots, np.stack(dark), left, top, scale, seeds)
-    found += _in_place(survey.roots, survey.dark / np.float32(255), 0, 0, survey.scale)
-    return apart(found)
+    return found
 
 
 def _box(place: tuple[float, float, float], shape: tuple[int, int]) -> tuple[slice, slice, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from photonormal.calibration import faint
@@ -19,6 +21,15 @@ def test_where_a_shadow_lies_tells_its_lamp():
     off = 0.02 * BALL.r * np.random.default_rng(0).standard_normal(right.shape)
     for found in (faint.near(around, BALL, right + off), faint.anywhere(around, BALL, np.full_like(right, np.nan))):
         assert angle_deg(directions(BALL, found)[0], LIGHTS).mean() < 1.5
+
+
+def test_an_outline_that_is_off_is_mended_by_highlights_and_shadows_together_unless_highlights_are_noise():
+    around, right = Surroundings.of([np.sqrt(p) for p in scene(LIGHTS)]), highlights(LIGHTS)
+    off = replace(BALL, x=BALL.x + 0.4, r=1.03 * BALL.r)
+    mended = faint.agreed(around, off, right)
+    before, after = (angle_deg(directions(c, right)[0], LIGHTS).mean() for c in (off, mended))
+    assert before > 2 and after < 0.2
+    assert faint.agreed(around, off, right[::-1]) == off
 
 
 def test_shadows_turn_around_a_sphere_and_not_around_places_of_a_relief():

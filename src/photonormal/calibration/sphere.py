@@ -183,7 +183,8 @@ def _one(
     moved = [None if j in astray else h for j, h in enumerate(moved)]
     xy = np.array([(h.x, h.y) if h else (np.nan, np.nan) for h in moved])
     if by_shadows:
-        xy = faint.moved(xy, _cast(roots, place, scale, circle, found.xy), circle)
+        circle, cast = _cast(roots, place, scale, circle, found.xy, xy)
+        xy = faint.moved(xy, cast, circle)
         astray = tuple(j for j in astray if np.isnan(xy[j, 0]))
         moved = [
             replace(h or UNSEEN, x=float(x), y=float(y)) if np.isfinite(x) else None
@@ -195,20 +196,33 @@ def _one(
 
 
 def _cast(
-    roots: list[np.ndarray], place: tuple[slice, slice], scale: float, circle: Circle, begin: np.ndarray
-) -> np.ndarray:
-    """Where a small sphere's shadows say that it mirrors the lamps (n, 2).
+    roots: list[np.ndarray],
+    place: tuple[slice, slice],
+    scale: float,
+    circle: Circle,
+    begin: np.ndarray,
+    highlights: np.ndarray,
+) -> tuple[Circle, np.ndarray]:
+    """A small sphere's outline, on which `highlights` (n, 2) and shadows agree, and where shadows say that lamps are.
 
     Parameters
     ----------
     roots : square roots of the place's grey levels, so many times enlarged
     begin : where the search took the lamps to be mirrored
     """
-    there, corner = circle.seen_in(place), (place[1].start, place[0].start)
-    x, y = ((a + 0.5) * scale - 0.5 for a in (there.x, there.y))
-    seen = (begin - corner + 0.5) * scale - 0.5
-    cast = faint.near(Surroundings.of(roots, scale), Circle(x, y, circle.r * scale), seen)
-    return (cast + 0.5) / scale - 0.5 + corner
+    around, corner = Surroundings.of(roots, scale), (place[1].start, place[0].start)
+
+    def enlarged(xy: np.ndarray) -> np.ndarray:
+        return (xy - corner + 0.5) * scale - 0.5
+
+    def back(xy: np.ndarray) -> np.ndarray:
+        return (xy + 0.5) / scale - 0.5 + corner
+
+    x, y = enlarged(np.array([circle.x, circle.y]))
+    there = faint.agreed(around, replace(circle, x=float(x), y=float(y), r=circle.r * scale), enlarged(highlights))
+    x, y = back(np.array([there.x, there.y]))
+    circle = replace(circle, x=float(x), y=float(y), r=there.r / scale)
+    return circle, back(faint.near(around, there, enlarged(begin)))
 
 
 def _as_told(found: FoundCircle, j: int, highlight: Highlight) -> Highlight:

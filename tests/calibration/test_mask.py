@@ -8,7 +8,7 @@ import pytest
 import photonormal as pn
 from photonormal.calibration.mask import mask_from_shading
 from photonormal.capture.images import ImageFiles, read_mask
-from photonormal.capture.pictures import find_pictures
+from photonormal.capture.pictures import evenly, find_pictures
 from photonormal.cli import main
 from photonormal.types import InputError
 from tests.calibration.chrome import dome
@@ -53,6 +53,18 @@ def test_the_command_writes_a_mask_that_the_capture_uses(tmp_path, capsys):
     assert overlap(pn.load(tmp_path / "object").mask, right.mask) > 0.93
     assert len(find_pictures(tmp_path / "object")) == 8  # the preview is no photograph
     assert main(["mask", str(tmp_path / "object"), "--out", str(tmp_path / "object" / "mask.png")]) == 2
+
+
+def test_sixteen_photographs_are_enough(tmp_path):
+    """The others are not even decoded: here all but those are cut short."""
+    capture = lambertian(sphere(48), dome(23, 50.0))
+    write_diligent(tmp_path, capture)
+    (tmp_path / "mask.png").unlink()
+    pictures = find_pictures(tmp_path)
+    for picture in set(pictures) - set(evenly(pictures, 16)):
+        picture.write_bytes(picture.read_bytes()[:200])
+    assert main(["mask", str(tmp_path), "--out", str(tmp_path / "mask.png")]) == 0
+    assert overlap(read_mask(tmp_path / "mask.png"), capture.mask) > 0.9
 
 
 def test_a_second_thing_in_the_frame_is_left_out_and_named(tmp_path, capsys):

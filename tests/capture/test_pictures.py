@@ -7,7 +7,7 @@ import pytest
 import tifffile
 
 from photonormal import load
-from photonormal.capture.pictures import find_mask, find_pictures, natural, parse_images
+from photonormal.capture.pictures import evenly, find_mask, find_pictures, natural, parse_images
 from tests.capture.files import LIGHTS, MASK, refusal, samples, write_folder, write_picture
 
 
@@ -231,3 +231,7 @@ class TestNone:
     def test_files_that_are_not_read_are_named(self, tmp_path):
         (tmp_path / "1.heic").touch()
         assert "1.heic; convert" in refusal(load, tmp_path)
+
+
+def test_items_are_picked_evenly():
+    assert evenly([], 12) == [] and evenly("abc", 12) == ["a", "b", "c"] and evenly(range(96), 3) == [0, 48, 95]

@@ -11,7 +11,6 @@ from photonormal.view.planes import (
     UNIT,
     UNKNOWN,
     degrees_plane,
-    evenly,
     exact,
     height_plane,
     normals_plane,
@@ -80,7 +79,3 @@ def test_colours_are_pictures_that_a_browser_reads():
     whole = np.full((40, 50, 3), (200, 100, 50), np.uint8)
     picture = cv2.imdecode(np.frombuffer(plane("colour", whole).tile(0, 0, 0), np.uint8), cv2.IMREAD_COLOR)
     assert picture.shape == (42, 52, 3) and np.abs(picture[..., ::-1].astype(int) - (200, 100, 50)).max() <= 4
-
-
-def test_items_are_picked_evenly():
-    assert evenly([], 12) == [] and evenly("abc", 12) == ["a", "b", "c"] and evenly(range(96), 3) == [0, 48, 95]

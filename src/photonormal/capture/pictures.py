@@ -7,11 +7,16 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 from photonormal.capture.images import Picture, PicturePart, files_of, picture_name
 from photonormal.capture.lights.match import stem
 from photonormal.files.decode import JPEG, RAW, SUFFIXES, pages_of
 from photonormal.types import InputError, a_few
+
+T = TypeVar("T")
 
 NO_PHOTOGRAPH = re.compile(  # how files are called that lie beside photographs: masks, normal maps, thumbnails, results
     r"(^|[._-])(mask|matte|normals?(_?map)?|normals?_gt|gt_normals?|inboundary|onboundary|spheres|refused|preview|thumb(nail)?s?"
@@ -257,3 +262,10 @@ def pictures_below(folder: Path) -> list[Path]:
     """Every file that is a picture in the folders of a folder."""
     inside = sorted(folder.iterdir()) if folder.is_dir() else []
     return [file for p in inside if p.is_dir() and os.access(p, os.R_OK | os.X_OK) for file in picture_files(p)]
+
+
+def evenly(items: Sequence[T], limit: int) -> list[T]:
+    """At most `limit` of the items, evenly spaced, the first and the last among them."""
+    if not items:
+        return []
+    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, min(limit, len(items))).round().astype(int))]

@@ -9,10 +9,11 @@ import numpy as np
 from jaxtyping import Bool
 
 from photonormal.capture.images import ImageFiles
+from photonormal.capture.pictures import evenly
 from photonormal.disk import at_once, refuse_taken
 from photonormal.rig.pictures import images_of, numbered_pictures
 
-MASK_PICTURES = 16  # that a mask is found from
+MASK_PICTURES = 16  # that a mask is found from, at most
 
 
 class DrawnMask(NamedTuple):
@@ -33,7 +34,8 @@ def draw_mask(folder: str | Path, out: str | Path = "mask.png", overwrite: bool 
     refuse_taken([out, shown], overwrite)
     paths = numbered_pictures(Path(folder))
     refuse_taken([out, shown], overwrite, paths)
-    images = ImageFiles(paths[:: max(1, len(paths) // MASK_PICTURES)], None, np.ones((len(paths), 1)))
+    some = evenly(paths, MASK_PICTURES)
+    images = ImageFiles(some, None, np.ones((len(some), 1)))
     pictures = np.stack(images_of(images, lambda image: image.mean(-1)))
     mask, *others = things_from_shading(pictures)
     level = np.quantile(pictures, 0.9, axis=0)

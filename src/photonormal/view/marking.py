@@ -18,7 +18,7 @@ from photonormal.calibration.survey import Photograph
 from photonormal.capture import CROP, load, own_crop
 from photonormal.capture.images import ImageFiles, read_mask
 from photonormal.capture.orientation import read_drawn
-from photonormal.capture.pictures import find_mask
+from photonormal.capture.pictures import evenly, find_mask
 from photonormal.crop import Crop
 from photonormal.disk import at_once
 from photonormal.export import lights as text
@@ -30,7 +30,7 @@ from photonormal.progress import progress
 from photonormal.rig.mask import MASK_PICTURES
 from photonormal.rig.pictures import images_of, numbered_pictures
 from photonormal.types import InputError
-from photonormal.view.planes import as_webp, evenly, exact
+from photonormal.view.planes import as_webp, exact
 
 SIDE = 1600  # pixels of the longest side on the page; larger photographs are reduced by a whole number
 

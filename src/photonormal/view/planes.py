@@ -7,13 +7,10 @@ WebP; what is measured is kept exactly: differences along the row, low bytes bef
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
-
-T = TypeVar("T")
 
 SIDE = 512  # pixels of a tile
 UNIT = 4095  # of a normal's components
@@ -82,13 +79,6 @@ def degrees_plane(angle: np.ndarray) -> Plane:
     level = np.full(angle.shape, UNKNOWN, np.uint8)
     level[known] = np.rint(LEVELS_PER_DEGREE * angle[known]).clip(0, UNKNOWN - 1)
     return plane("degrees", level[..., None])
-
-
-def evenly(items: Sequence[T], limit: int) -> list[T]:
-    """At most `limit` of the items, evenly spaced, the first and the last among them."""
-    if not items:
-        return []
-    return [items[i] for i in np.unique(np.linspace(0, len(items) - 1, min(limit, len(items))).round().astype(int))]
 
 
 def units() -> dict[str, int]:

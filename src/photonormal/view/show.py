@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from photonormal.capture.images import MARGIN
+from photonormal.capture.pictures import evenly
 from photonormal.disk import refuse_taken, write
 from photonormal.export.folder import result_files
 from photonormal.export.result import brightest
@@ -18,7 +19,7 @@ from photonormal.geometry import far_apart
 from photonormal.masked import box_of
 from photonormal.types import InputError, Result
 from photonormal.view.page import document, ramp, read
-from photonormal.view.planes import SIDE, evenly, units
+from photonormal.view.planes import SIDE, units
 from photonormal.view.result import ViewedResult, open_result, shown_of
 
 SCRIPTS = (

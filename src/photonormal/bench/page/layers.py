@@ -11,11 +11,12 @@ import numpy as np
 
 from photonormal.bench.scores import Scored
 from photonormal.bench.store import Truth, read_truth, truth_path
+from photonormal.capture.pictures import evenly
 from photonormal.integration import integrate
 from photonormal.masked import box_of
 from photonormal.scoring import error_map_deg
 from photonormal.types import Normals
-from photonormal.view.planes import SIDE, degrees_plane, evenly, normals_plane, plane
+from photonormal.view.planes import SIDE, degrees_plane, normals_plane, plane
 
 SURFACE_SIDE = 256
 MARGIN = 3

@@ -216,6 +216,7 @@ def test_a_lamp_that_is_off_is_left_out_and_told(rig, capsys):
     assert (
         code == 0
         and "no highlight was found on the sphere in DSC 005.png of chrome" in err
+        and "--dark" in err
         and "DSC 005.png" not in names
     )
     assert angle_deg(L, np.delete(dome(9), 4, axis=0)).max() < 1

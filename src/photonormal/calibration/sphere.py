@@ -105,7 +105,8 @@ class Sphere:
         if missing:
             found.append(
                 f"no highlight was found on the sphere in {', '.join(missing)} of {self.where}: the light is off "
-                f"there, or behind the sphere; the other {len(names) - len(missing)} lights can be used."
+                f"there, or behind the sphere; the other {len(names) - len(missing)} lights can be used. If no lamp "
+                "was on, the object's picture shows what other light there is: name it with --dark when you measure."
             )
         doubtful = [name for name, h in zip(names, self.highlights, strict=True) if h and h.rivals]
         if doubtful:

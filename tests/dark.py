@@ -27,7 +27,7 @@ class Files:
         return (self.counts[j] / full / self.intensities[j]).astype(np.float32)
 
 
-def dark(stored, even=False, faulty=0, gloss=0.0, brightest=BRIGHTEST):
+def dark(stored, even=False, faulty=0, gloss=0.0, brightest=BRIGHTEST, hue=(1.0, 1.0, 1.0)):
     """A sphere whose brightest sample has so many levels; `stored` makes whole numbers of what the sensor saw."""
     g = np.random.default_rng(0)
     truth = sphere()
@@ -39,8 +39,8 @@ def dark(stored, even=False, faulty=0, gloss=0.0, brightest=BRIGHTEST):
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     I = cos + gloss * np.clip(N @ half.T, 0, None).transpose(2, 0, 1) ** 30 * (cos > 0)
     I[:faulty] *= 0.6
-    counts = stored(e[:, None, None] * I / (I * e[:, None, None]).max() * brightest)
-    images = Files(np.repeat(counts[..., None], 3, -1), np.repeat(e[:, None], 3, 1))
+    counts = stored((e[:, None, None] * I / (I * e[:, None, None]).max() * brightest)[..., None] * hue)
+    images = Files(counts, np.repeat(e[:, None], 3, 1))
     return pn.Capture(images, truth.mask, L, truth=truth, saturation=(1 / images.intensities).astype(np.float32))
 
 

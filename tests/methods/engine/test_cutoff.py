@@ -50,7 +50,7 @@ def test_black_stored_as_half_a_level_is_black(even):
         before, after = middle.images[j], repaired.images[j]
         black = cut.images[j] == 0
         assert black.any() and (after[black] < before[black].min() * 2).all()
-        assert np.array_equal(after[~black], before[~black]) and not after[~cut.mask].any()
+        assert np.allclose(after[~black], before[~black], rtol=2e-3) and not after[~cut.mask].any()
     assert error_deg(middle) < 0.8 * error_deg(replace(middle, images=in_memory(middle)))
 
 

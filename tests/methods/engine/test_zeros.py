@@ -1,4 +1,4 @@
-"""Zeros in dark pictures: what is no shadow is told by the pixel's other samples."""
+"""Samples of dark pictures: channels say of each other what they were, a pixel's other samples what its zeros were."""
 
 from dataclasses import replace
 
@@ -9,10 +9,11 @@ import torch
 import photonormal as pn
 from photonormal.methods.engine import zeros
 from photonormal.methods.engine.cutoff import given_back
-from photonormal.methods.engine.zeros import Filled, expectation, shading
+from photonormal.methods.engine.zeros import Filled, crossed, expectation, shading
 from tests.dark import Files, dark, error_deg, in_memory
 
 FAINT = 6  # levels of the brightest sample
+TINTED = (1.0, 0.8, 0.55)
 
 
 def test_zeros_come_near_what_the_light_was():
@@ -32,6 +33,22 @@ def test_zeros_come_near_what_the_light_was():
 def test_normals_are_better_for_it(method, share):
     filled = given_back(dark(np.floor, brightest=FAINT))
     assert error_deg(filled, method) < share * error_deg(filled.images.capture, method)
+
+
+def test_channels_of_a_sample_hold_more_than_each():
+    cut, exact = (dark(stored, brightest=FAINT, hue=TINTED) for stored in (np.floor, lambda x: x))
+    seen = given_back(cut)
+    level = seen.images.size[:, None, None]
+    counts, before, after, true = ((in_memory(c) / level)[:, cut.mask] for c in (cut, seen.images.capture, seen, exact))
+    lit = counts.max(-1) > 0.5
+    assert ((after >= counts - 0.01) & (after <= counts + 1.01))[lit].all()  # within what was written
+    off_before, off_after = (np.abs((x - true).mean(-1)[lit]) for x in (before, after))
+    assert off_after.mean() < 0.78 * off_before.mean()
+
+
+def test_channels_that_are_alike_stay_as_they_are():
+    counts = torch.tensor([[0.5, 1.5, 7.5]]).T.expand(3, 3)
+    assert torch.allclose(crossed(counts, torch.full((3, 3), 0.4)), counts)
 
 
 def test_where_much_light_is_expected_a_zero_is_a_shadow():

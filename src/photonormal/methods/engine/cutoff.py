@@ -33,7 +33,7 @@ def given_back(capture: Capture) -> Capture:
     """The capture without what whole grey levels took; itself where files hold levels enough, or don't show it.
 
     Its notes say what was done: half a level was added to samples that were cut off; black that was stored as half a
-    level is black; and in dark pictures, zeros are what `engine.zeros` expects.
+    level is black; and dark pictures are what `engine.zeros` makes of them.
     """
     levels = Quantisation.of(capture)
     if levels is None or capture.lights is None:
@@ -54,7 +54,8 @@ def given_back(capture: Capture) -> Capture:
         repaired = replace(repaired, images=Filled(repaired, levels.size))
         notes.append(
             f"The pictures have few grey levels: half of the samples that are not black have at most "
-            f"{np.median(lit):.1f}. Zeros were set to what their pixels' other samples say."
+            f"{np.median(lit):.1f}. They were set to what their channels allow together, zeros to what their pixels' "
+            "other samples say."
         )
     return replace(repaired, notes=(*capture.notes, *notes))
 

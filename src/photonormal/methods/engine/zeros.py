@@ -1,5 +1,7 @@
-"""Zeros in dark pictures: most are no shadows, but less light than a level. The pixel's other samples say what it was.
+"""Samples of dark pictures: what their channels say of each other, and what a pixel's samples say of its zeros.
 
+A pixel has one hue, so the channels of a sample show one grey level, each to within a level of its own: what all allow
+is less than what each does. Samples that are zero in every channel are mostly no shadows, but less light than a level.
 Each pixel gets a matt shading b.l, fitted to its samples; a zero is known to lie between 0 and a level, so its value is
 the shading's, cut to that (a censored regression, by expectation and maximisation). Where the shading says much more
 than a level, a zero is a shadow. Pixels most of whose samples are zero show too little, and keep them.
@@ -28,11 +30,12 @@ LIT, SHADOW = 0.95, 0.1  # share of zeros that no shadow makes, where less than 
 OFF = 0.25, 0.1  # by which a sample may differ from its shading: of a level, and of the shading
 NOISE = 0.29  # deviation of what whole levels leave out, 1 / sqrt(12) of a level
 FAR = 3.0  # deviations from which on a sample, such as a highlight, counts little
+HUES, FAINTEST = 5, 0.02  # rounds in which the hue of a pixel is found; least of a channel in it
 
 
 @dataclass
 class Filled:
-    """Pictures whose zeros on the mask are what their pixels' shading says (`photonormal.types.Images`).
+    """Pictures whose samples on the mask are what their channels and pixels say (`photonormal.types.Images`).
 
     Rows are fitted when they are first asked for; what is kept of them are 14 bytes a pixel.
 
@@ -69,18 +72,25 @@ class Filled:
             start = block * self.rows
             a, b = max(top, start), min(bottom, start + self.rows)
             part = image[a - top : b - top, first - left : last - left]
-            zero = (part <= 0) & self.capture.mask[a:b, first:last, None]
-            if zero.any():
+            inside = self.capture.mask[a:b, first:last]
+            if inside.any():
                 map = self.block(block)[a - start : b - start, first - self.columns.start : last - self.columns.start]
-                at = zero.any(-1)
-                part[at] = np.where(zero[at], self.expected(map[at], j), part[at])
+                lit = (part > 0).any(-1)
+                dark, lit = inside & ~lit, inside & lit
+                part[dark] = self.expected(map[dark], j)
+                part[lit] = self.agreed(part[lit], map[lit], j)
         return image
+
+    def agreed(self, I: Float[np.ndarray, "p c"], map: Float[np.ndarray, "p d"], j: int) -> Float[np.ndarray, "p c"]:
+        """What samples of image `j` were, by all their channels and the hue of their pixels."""
+        size, hue = torch.from_numpy(self.size[j]), torch.from_numpy(map[:, 4:].astype(np.float32))
+        return (crossed(torch.from_numpy(I) / size, hue / size) * size).numpy()
 
     def expected(self, map: Float[np.ndarray, "p d"], j: int) -> Float[np.ndarray, "p c"]:
         """What zeros of image `j` were, by what is known of their pixels."""
         known = map.astype(np.float32)
-        share, b, hue = known[..., :1], known[..., 1:4], known[..., 4:]
-        S = (b @ self.capture.known_lights()[j].astype(np.float32))[..., None]
+        share, b, hue = known[:, :1], known[:, 1:4], known[:, 4:]
+        S = (b @ self.capture.known_lights()[j].astype(np.float32))[:, None]
         P = torch.from_numpy(hue * S * (self.size.mean() / self.size[j]))
         X, _ = expectation(P)
         return share * X.numpy() * self.size[j]
@@ -114,8 +124,7 @@ def shading(
     grey = level @ luma  # (n,)
     zero = I <= 0
     black = zero.all(2)
-    hue = I.sum(1) / (I.sum(1) @ luma)[:, None].clamp(min=1e-9)  # (p, c)
-    hue = torch.where(hue > 0, hue, 0.05)
+    hue = hues(I, level, luma)  # (p, c)
     noise = NOISE * (level * luma).norm(dim=1) / grey  # (n,) in grey levels
     at = pixel, image, channel = zero.nonzero(as_tuple=True)
     step = level[image, channel]  # of each zero
@@ -134,6 +143,27 @@ def shading(
     low, high = ENOUGH
     share = (((~zero).float().mean((1, 2)) - low) / (high - low)).clamp(0, 1)
     return torch.cat([share[:, None], b / unit, hue], dim=1)
+
+
+def hues(I: Float[Tensor, "p n c"], level: Float[Tensor, "n c"], luma: Float[Tensor, " c"]) -> Float[Tensor, "p c"]:
+    """Colour of each pixel, of grey level 1, by its samples that are not zero in all channels."""
+    counts, shown, X = I / level, (I > 0).any(2, keepdim=True), I
+    hue = torch.ones_like(I[:, 0])
+    for _ in range(HUES):
+        total = X.sum(1)
+        hue = (total / (total @ luma)[:, None].clamp(min=1e-9)).clamp(min=FAINTEST)
+        X = shown * crossed(counts, hue[:, None] / level) * level
+    return hue
+
+
+def crossed(counts: Float[Tensor, "*p c"], hue: Float[Tensor, "*p c"]) -> Float[Tensor, "*p c"]:
+    """Samples in levels, of the grey level amid those that all channels allow; each stays within its own level.
+
+    `hue`: levels of each channel for a grey level of 1.
+    """
+    least = (counts - 0.5).clamp(min=0)
+    grey = ((least / hue).amax(-1, keepdim=True) + ((least + 1) / hue).amin(-1, keepdim=True)) / 2
+    return (hue * grey).clamp(least, least + 1)
 
 
 def expectation(P: Float[Tensor, "*p"]) -> tuple[Float[Tensor, "*p"], Float[Tensor, "*p"]]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from photonormal.disk import FileBatch
 from photonormal.export.mesh import display
 from photonormal.masked import means
-from photonormal.png import SRGB, encode_png
-from photonormal.types import Materials
+from photonormal.png import SRGB, by_rows, encode_png
+from photonormal.types import Materials, RowMap
 
 ROWS = 256  # made at a time
 TOP, USUAL = 0.08, 0.04  # F0 of level 1, as principled shaders have it; of nearly all that is no metal
@@ -27,31 +29,51 @@ def write_materials(materials: Materials, mask: Bool[np.ndarray, "h w"], white: 
 
     What is not known is what is known around it, else matt; `white` is the radiance of a white surface.
     """
-    known, sure = (np.empty(mask.shape, bool) for _ in range(2))
-    base = np.empty(materials.albedo.shape, np.uint8)
-    rough, metal, level = (np.empty(mask.shape, np.uint8) for _ in range(3))
-    bands = [slice(y, y + ROWS) for y in range(0, len(base), ROWS)]
-    full = TOP / USUAL * _usual(materials)
-    for rows in bands:
-        roughness, metalness = materials.roughness[rows], materials.metalness[rows]
-        known[rows], sure[rows] = np.isfinite(roughness), np.isfinite(metalness)
-        metal[rows] = _bytes(np.where(sure[rows], metalness, 0))
-        rough[rows] = _bytes(np.where(known[rows], roughness, 1))
-        level[rows] = _bytes(materials.specular[rows].mean(-1) / full)
-    told = known.astype(np.uint8) * TOLD[0]
-    told[sure] = TOLD[1]
+    sure, metal = _told(materials.metalness, unknown=0)
     fill(sure, metal)
     metal[metal > 127], metal[metal <= 127] = 255, 0
+    folder.write("base_colour.png", by_rows(partial(_base, materials, white, sure, metal), mask.shape, np.uint8, SRGB))
+    folder.write("metalness.png", encode_png(metal * mask))
+    del metal  # one map is written before the next is made
+    known, rough = _told(materials.roughness, unknown=1)
+    folder.write("material_known.png", encode_png(np.where(sure, np.uint8(TOLD[1]), known * np.uint8(TOLD[0]))))
+    del sure
     fill(known, rough)
+    folder.write("roughness.png", encode_png(rough * mask))
+    del rough
+    level, full = np.empty(mask.shape, np.uint8), TOP / USUAL * _usual(materials)
+    for rows in _bands(mask):
+        level[rows] = _bytes(materials.specular[rows].mean(-1) / full)
     fill(known, level)
-    for rows in bands:
-        bare = np.where(sure[rows], materials.metalness[rows], 0)[..., None]
-        shine = materials.specular[rows] * (metal[rows, :, None] / np.float32(255))
-        base[rows] = display((materials.albedo[rows] * (1 - bare) + shine) / white)
-    folder.write("base_colour.png", encode_png(base, SRGB))
-    folder.write("material_known.png", encode_png(told))
-    for name, picture in (("metalness", metal), ("roughness", rough), ("specular", level)):
-        folder.write(f"{name}.png", encode_png(picture * mask))
+    folder.write("specular.png", encode_png(level * mask))
+
+
+def _base(
+    materials: Materials,
+    white: float,
+    sure: Bool[np.ndarray, "h w"],
+    metal: UInt8[np.ndarray, "h w"],
+    rows: slice,
+) -> UInt8[np.ndarray, "r w 3"]:
+    """Some rows of the base colour, where it is known which pixels are of a metal."""
+    bare = np.where(sure[rows], materials.metalness[rows], 0)[..., None]
+    shine = materials.specular[rows] * (metal[rows, :, None] / np.float32(255))
+    return display((materials.albedo[rows] * (1 - bare) + shine) / white)
+
+
+def _told(map: RowMap, unknown: float) -> tuple[Bool[np.ndarray, "h w"], UInt8[np.ndarray, "h w"]]:
+    """Where a map is known, and its levels, those of `unknown` elsewhere."""
+    known, level = np.empty(map.shape, bool), np.empty(map.shape, np.uint8)
+    for rows in _bands(map):
+        part = map[rows]
+        known[rows] = np.isfinite(part)
+        level[rows] = _bytes(np.where(known[rows], part, unknown))
+    return known, level
+
+
+def _bands(map: np.ndarray | RowMap) -> list[slice]:
+    """Some of its rows after the other."""
+    return [slice(y, y + ROWS) for y in range(0, map.shape[0], ROWS)]
 
 
 def _usual(materials: Materials) -> float:
@@ -76,7 +98,7 @@ def fill(known: Bool[np.ndarray, "h w"], picture: UInt8[np.ndarray, "h w"]) -> N
     if not known.any() or known.all():
         return
     h, w = known.shape
-    parts = [slice(y, y + ROWS) for y in range(0, h, ROWS)]
+    parts = _bands(known)
     share = np.concatenate([means(known[rows].astype(np.float32), 2) for rows in parts])
     total = np.concatenate([means((picture[rows] * known[rows]).astype(np.float32), 2) for rows in parts])
     around = np.rint(_filled(total, share)).astype(np.uint8)

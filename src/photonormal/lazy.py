@@ -33,8 +33,8 @@ def window_of(images: Images, j: int, rows: slice, columns: slice) -> Image:
 
 def saturated_in(images: Images, j: int, rows: slice, columns: slice) -> Bool[np.ndarray, "h w c"] | None:
     """Where the images say that a part of one is saturated; None where they don't say it."""
-    told = getattr(images, "saturated", None)
-    return None if told is None else told(j, rows, columns)
+    known = getattr(images, "saturated", None)
+    return None if known is None else known(j, rows, columns)
 
 
 @runtime_checkable

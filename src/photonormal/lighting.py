@@ -20,7 +20,7 @@ class FoundLights:
     lights : (n, 3) unit, from the surface to the light
     intensities : (n,) of mean 1, by which the photographs are to be divided; None: they stay as they are
     moved_deg : (n,) by how much each was turned from the one that was given, degrees; None: none were given
-    notes : what can't be told, or is doubtful, a sentence each
+    notes : what can't be known, or is doubtful, a sentence each
     """
 
     lights: Float[np.ndarray, "n 3"]

@@ -333,7 +333,7 @@ class Materials:
     albedo : (h, w, 3) float32, of the matt part alone: without highlights, in the unit of the images, zero outside
     specular : (h, w, 3) float32, what the surface reflects at right angles, F0, in the same unit; zero where unknown
     roughness : (h, w) float32, GGX's, squared it is the facets' alpha; NaN where no light shows a highlight
-    metalness : (h, w) float32, 1 for metals and 0 for others; NaN where it can't be told
+    metalness : (h, w) float32, 1 for metals and 0 for others; NaN where it is unknown
     """
 
     albedo: RowMap

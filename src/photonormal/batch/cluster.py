@@ -246,7 +246,7 @@ def _measure(
 def _solve(named: Named, needed: ProgramVersion, nbytes: int, rows: slice) -> SolvedRows | Exception:
     """What a worker does with some rows of a capture."""
     try:
-        with _at_work(named, needed, nbytes, tells=rows.start == 0):
+        with _at_work(named, needed, nbytes, reporting=rows.start == 0):
             return solve_part(named.job, rows)
     except Exception as error:
         return error
@@ -262,7 +262,7 @@ def _at_work(
     needed: ProgramVersion,
     nbytes: int,
     begins: bool = False,
-    tells: bool = True,
+    reporting: bool = True,
     shares: Mapping[str, int] = {},
 ) -> Iterator[None]:
     """A worker works on one thing at a time, and reports how far it is; OtherProgram if it has come with another
@@ -275,12 +275,12 @@ def _at_work(
         raise OtherProgram(f"photonormal {needed.version} is needed but {there}; install the same there.")
     limit = worker.memory_manager.memory_limit  # pyright: ignore[reportAttributeAccessIssue]
     allowed = nbytes or (limit or 0) // 2
-    told = 0.0
+    last_report = 0.0
 
     def tell(title: str, done: int, total: int | None) -> None:
-        nonlocal told
-        if tells and time.monotonic() - told >= OFTEN_S:
-            told = time.monotonic()
+        nonlocal last_report
+        if reporting and time.monotonic() - last_report >= OFTEN_S:
+            last_report = time.monotonic()
             worker.log_event(TOPIC, (named.name, worker.address, title, done, total))
 
     with _one_at_a_time:

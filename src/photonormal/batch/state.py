@@ -91,8 +91,8 @@ def _difference(job: Job, before: Provenance, names: Callable[[Path], set[str]] 
     for key in sorted(was.keys() | now.keys()):
         if was.get(key) != now.get(key):
             option = key.replace("_", "-")
-            told = f"{option} {was[key]}" if key in was else f"without {option}"
-            return CaptureState("options", f"{told}, not {now[key]}" if key in now else f"{told}, which is not given")
+            given = f"{option} {was[key]}" if key in was else f"without {option}"
+            return CaptureState("options", f"{given}, not {now[key]}" if key in now else f"{given}, which is not given")
     what = changed(place_of(job.capture), before["inputs"], names)
     return CaptureState("stale", what) if what else None
 
@@ -113,10 +113,10 @@ def record_failure(job: Job, kind: Kind, message: str, read: Mapping[Path, Opene
     `read` are the files that were opened; None: not known.
     """
     try:
-        told = None
+        origin = None
         if read is not None:
-            told = {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
-        failure = {"kind": kind, "message": message, PROVENANCE: told}
+            origin = {"made": job.made(), "asked": job.asked(), "inputs": _inputs(job, read)}
+        failure = {"kind": kind, "message": message, PROVENANCE: origin}
         ours = listed_files(job.out) is not None
         if not ours and job.out.is_dir() and any(p.name[0] != "." for p in job.out.iterdir()):
             return  # somebody else's folder: that is why

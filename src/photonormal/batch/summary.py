@@ -74,9 +74,9 @@ class Summary:
         for name in [folder.relative_to(self.out).as_posix() for folder in reported_below(self.out)]:
             if name not in self._names:
                 self.read(name)
-                if (told := self._rows[name]).failure:
-                    which = f"{told.failure} It was named in another run: remove {self.out / name} if it is no capture."
-                    self._rows[name] = replace(told, failure=which)
+                if (seen := self._rows[name]).failure:
+                    which = f"{seen.failure} It was named in another run: remove {self.out / name} if it is no capture."
+                    self._rows[name] = replace(seen, failure=which)
 
     def read(self, name: str) -> None:
         """Look again at what is known of a capture."""
@@ -101,31 +101,31 @@ class Summary:
 def row(name: str, folder: Path) -> CaptureRow:
     """What the folder of its result says of a capture."""
     try:
-        told = read_json(folder / REPORT, Reported, "measure again")
+        record = read_json(folder / REPORT, Reported, "measure again")
     except InputError:
         return CaptureRow(name, "not begun")
-    if told["written_by"] != MARKER["written_by"]:
+    if record["written_by"] != MARKER["written_by"]:
         return CaptureRow(name, "not begun")
-    failed = told.get("failed")
-    made = "pixels" in told
-    found = told.get("findings", [])
+    failed = record.get("failed")
+    made = "pixels" in record
+    found = record.get("findings", [])
     return CaptureRow(
         name,
         "failed" if failed else "done" if made else "not begun",
         failed["message"] if failed else "",
-        told["pixels"]["measured"] if "pixels" in told else None,
-        told.get("lights"),
-        told.get("expected_error_deg"),
-        told["score"]["mean_deg"] if "score" in told else None,
+        record["pixels"]["measured"] if "pixels" in record else None,
+        record.get("lights"),
+        record.get("expected_error_deg"),
+        record["score"]["mean_deg"] if "score" in record else None,
         sum(f["grave"] for f in found) if made else None,
         len(found) if made else None,
-        " ".join(told.get("warnings", [])),
-        round(sum(told["seconds"].values()), 3) if "seconds" in told else None,
-        told.get("peak_memory_mb"),
-        told.get("method", ""),
-        told.get("photonormal", ""),
-        told.get("source", ""),
-        f"{name}/{PAGE}" if PAGE in told.get("files", {}) else "",
+        " ".join(record.get("warnings", [])),
+        round(sum(record["seconds"].values()), 3) if "seconds" in record else None,
+        record.get("peak_memory_mb"),
+        record.get("method", ""),
+        record.get("photonormal", ""),
+        record.get("source", ""),
+        f"{name}/{PAGE}" if PAGE in record.get("files", {}) else "",
     )
 
 

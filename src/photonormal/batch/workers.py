@@ -168,14 +168,14 @@ def _answer(pipe: Connection, threads: int, nbytes: int) -> None:
     began(threads)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     memory.allow(f"{nbytes // 10**6}MB")
-    one_at_a_time, told = threading.Lock(), 0.0
+    one_at_a_time, last_report = threading.Lock(), 0.0
 
     def tell(title: str, done: int, total: int | None) -> None:
-        nonlocal told
+        nonlocal last_report
         with one_at_a_time:
             now = time.monotonic()
-            if now - told >= OFTEN_S:
-                told = now
+            if now - last_report >= OFTEN_S:
+                last_report = now
                 pipe.send((title, done, total))
 
     progress.tell_to(tell)

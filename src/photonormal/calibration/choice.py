@@ -22,7 +22,7 @@ SUPPORTED = 0.15  # unexplained shading below which a circle needs half of CONFI
 AS_SURE = 0.6  # confidence, as part of the surest circle's around a constellation, that another one needs
 AS_WELL = (1.2, 0.02)  # a circle's unexplained shading, relative and absolute, that is as good as another's
 TOLD_WELL = (2.0, 0.03)  # the same, for a circle that the user hears of
-TELLS = 0.85  # and from which it tells the sphere's circle from others
+TELLS = 0.85  # and from which it shows which circle is the sphere's
 AS_DARK = (0.2, 0.004)  # how much less it may be, as part of what the best circle lacks, and absolute
 CLOSE = 0.1  # distance and difference of radii, in radii, of a circle of edges that corrects one of shadows
 CORRECTS = (2.0, 0.01)  # what it may lack in explaining shadows, in terms of what the other lacks, and absolute
@@ -46,7 +46,7 @@ class FoundCircle:
     shadows : correlation of what is dark around it with the shadows of that sphere under those lights
     usually : the same in the middle picture, which a few highlights of other things don't change
     astray : pictures whose highlight is not where their shadow says
-    told : pictures whose shadow shows which of several reflections is the light's
+    told : indices of pictures whose shadow shows which of several reflections is the light's
     """
 
     circle: Circle

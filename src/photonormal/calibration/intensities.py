@@ -46,10 +46,10 @@ def _alternated(
     b = robust_normals(I / e, L, lit)
     for _ in range(rounds):
         s = b @ L.T  # (p, n)
-        tells = lit & (s > FACING * np.linalg.norm(b, axis=1, keepdims=True))
+        usable = lit & (s > FACING * np.linalg.norm(b, axis=1, keepdims=True))
         change = np.ones_like(e)
-        for j in np.flatnonzero(tells.sum(0) >= LEAST):
-            k = tells[:, j]
+        for j in np.flatnonzero(usable.sum(0) >= LEAST):
+            k = usable[:, j]
             change[j] = np.median(I[k, j] / (e[j] * s[k, j]))
         e = _normalised(e * change)
         b = robust_normals(I / e, L, lit)

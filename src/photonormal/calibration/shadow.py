@@ -45,7 +45,7 @@ class Surroundings:
     still : square roots of levels, without highlights and with few shadows
     missing : part of the light in `still` that each picture lacks once it is divided by its brightness
     bright : terms of 1, x and y of the logarithm of each picture's brightness: near lamps light their own side more
-    lit : where it was told
+    lit : where it is known
     deep : what is missing in a shadow; other light, which comes from everywhere, is left
     blur : pixels beside an outline that show both sides
     """

@@ -41,7 +41,7 @@ def refuse_folder(path: Path) -> None:
 
 
 def identities(paths: Iterable[Path]) -> set[tuple[int, int]]:
-    """What tells files and folders that exist from all others, by whatever name, link or mount they are reached."""
+    """What identifies files and folders that exist, whatever name, link or mount leads to them."""
     found = set()
     for path in paths:
         with suppress(OSError, ValueError):

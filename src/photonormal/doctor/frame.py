@@ -2,8 +2,8 @@
 
 Turning or mirroring all lights does the same to the normals and leaves every picture explained as well as before. Three
 things show: slopes have to be a surface's (`curl`), which half a turn keeps; normals at an occluding outline point
-outwards (`outline`); shadows fall away from what casts them (`shadows`). Of a flat relief without shadows half a turn
-can't be told: turned inside out it looks the same.
+outwards (`outline`); shadows fall away from what casts them (`shadows`). Nothing shows half a turn
+of a flat relief without shadows: turned inside out it looks the same.
 """
 
 from __future__ import annotations
@@ -158,9 +158,9 @@ def _half_turned(fit: LambertianFit, frame: NormalsFrame, numbers: dict[str, Any
     if not any(votes) and outline is not None:
         votes = [fit.shadows.leaning(M), outline.leaning(M)]
         votes = votes if all(votes) else [0.0, 0.0]
-    told = {v > 0 for v in votes if v}
+    signs = {v > 0 for v in votes if v}
     numbers |= {"half_turn": [round(v, 3) for v in votes]}
-    return told.pop() is False if len(told) == 1 else None
+    return signs.pop() is False if len(signs) == 1 else None
 
 
 def wrong_frame(fit: LambertianFit) -> tuple[Finding, Float[np.ndarray, "3 3"]] | None:

@@ -48,15 +48,15 @@ class MisfitPixels:
         step = max(1, len(I) // PIXELS)
         some, (rows, columns) = I[::step], np.argwhere(mask)[::step].T
         lit = some > SHADOW * np.quantile(some, 0.99)
-        told = lit.sum(1) >= FEW
-        if told.sum() < LEAST:
+        enough = lit.sum(1) >= FEW
+        if enough.sum() < LEAST:
             return None
-        x, y = columns[told].astype(float), -rows[told].astype(float)
+        x, y = columns[enough].astype(float), -rows[enough].astype(float)
         width = max(np.ptp(x), np.ptp(y)) + 1
         place = np.stack([x - x.mean(), y - y.mean()], axis=-1) / width
         cell = ((place - place.min(0)) * SIDE).astype(int).clip(0, SIDE - 1) @ [1, SIDE]
         part = np.unique(cell, return_inverse=True)[1]
-        return cls(some[told] / some.max(), lit[told], place, part)
+        return cls(some[enough] / some.max(), lit[enough], place, part)
 
     def showing(self, I: Float[np.ndarray, "p n"]) -> MisfitPixels:
         """Other grey levels, of which the same samples are asked."""

@@ -134,7 +134,7 @@ def motion(pictures: Float[np.ndarray, "n a b"], scale: float, names: list[str])
 def _told(shift: Float[np.ndarray, "n 2"], names: list[str]) -> str:
     """Pictures that moved and their shifts, the farthest first; those that moved alike together."""
     places, alike = np.unique(shift, axis=0, return_inverse=True)
-    told = []
+    texts = []
     for k in np.argsort(-np.linalg.norm(places, axis=1)).tolist():
         x, y = places[k].round(1) + 0.0  # no -0.0
         these = np.flatnonzero(alike.ravel() == k)
@@ -145,8 +145,8 @@ def _told(shift: Float[np.ndarray, "n 2"], names: list[str]) -> str:
             who += f" to {names[these[-1]]}"
         elif len(these) > 1:
             who = a_few([names[j] for j in these])
-        told.append(f"{who} by ({x:+.1f}, {y:+.1f}) px")
-    return a_few(told)
+        texts.append(f"{who} by ({x:+.1f}, {y:+.1f}) px")
+    return a_few(texts)
 
 
 def _dip(values: np.ndarray) -> float:

@@ -13,7 +13,7 @@ from photonormal.doctor.misfit import MisfitPixels
 from photonormal.geometry import angle_deg
 
 APART_DEG = 10.0  # between given lights, below which pictures are alike anyway
-TELLS = 0.03  # sine of the angle between two pictures from which on the object tells two lights apart
+TELLS = 0.03  # sine of the angle between two pictures from which on the object shows that two lights differ
 ALIKE = 0.2  # and of it, as the given lights have it, that is left of pictures under one light: 0.5 of right ones
 AS_ALIKE = 1.5  # times as unlike as the most alike ones
 AS_SHADING = 0.5  # of what two pictures differ by, that another light explains, from which on theirs are two lights

@@ -84,5 +84,5 @@ class CastShadows:
         of_part = np.bincount(part, votes) / np.bincount(part)
         error = of_part.std() / np.sqrt(len(of_part)) + 1e-3
         all_votes, mean = float(votes.mean()), float(of_part.mean())
-        told = len(of_part) >= parts and abs(mean) > certain * error and max(abs(mean), abs(all_votes)) > clear
-        return mean if told and mean * all_votes > 0 else 0.0
+        clear_enough = len(of_part) >= parts and abs(mean) > certain * error and max(abs(mean), abs(all_votes)) > clear
+        return mean if clear_enough and mean * all_votes > 0 else 0.0

@@ -1,8 +1,8 @@
 """Pictures that are turned against the others, as by a program that saved some as viewers show them.
 
 A camera that looks down notes at random how it is held. Pictures are laid on one of them as in `motion`, each at
-whichever turn fits best. Those at another turn than most are told if the others explain them far better once they are
-turned back. What is turned is the frame, so that only what lies evenly about its middle is looked at.
+whichever turn fits best. Those at another turn than most are reported if the others explain them far better once they
+are turned back. What is turned is the frame, so that only what lies evenly about its middle is looked at.
 """
 
 from __future__ import annotations

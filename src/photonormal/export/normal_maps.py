@@ -96,16 +96,18 @@ def read(
     if suffix not in READ:
         raise InputError(f"{path} ends in {suffix!r} but normals are read from {', '.join(READ)}.")
     if suffix == ".npz":
-        samples, told, ours = _arrays(path)
+        samples, named, ours = _arrays(path)
     elif suffix == ".mat":
-        samples, told, ours = _of_matlab(path), None, None
+        samples, named, ours = _of_matlab(path), None, None
     else:
-        samples, told, ours = decode_all(path, finite=False), remark(path, FRAME), None
-    if told is not None and frame not in (AUTO, told):
-        notes.append(f"{path}: the file says that its frame is {told}, but it is read as --frame {frame} nevertheless.")
-    if told is not None and frame == AUTO:
-        known_frame(told)
-        frame = told
+        samples, named, ours = decode_all(path, finite=False), remark(path, FRAME), None
+    if named is not None and frame not in (AUTO, named):
+        notes.append(
+            f"{path}: the file says that its frame is {named}, but it is read as --frame {frame} nevertheless."
+        )
+    if named is not None and frame == AUTO:
+        known_frame(named)
+        frame = named
     if mask is not None and mask.shape != samples.shape[:2]:
         raise InputError(
             f"the mask has {in_pixels(mask.shape)} but {path} {in_pixels(samples.shape)}; give one of its size."

@@ -57,10 +57,10 @@ def ply(
         return found
 
     def write(file: BinaryIO) -> None:
-        told = [f"element vertex {np.count_nonzero(keep)}"]
-        told += [f"property {text}" for name in has for text in PROPERTIES[name][1]]
-        told += [f"element face {face_count(keep)}", "property list uchar int vertex_indices", "end_header\n"]
-        file.write("\n".join(["ply", "format binary_little_endian 1.0", *told]).encode())
+        header = [f"element vertex {np.count_nonzero(keep)}"]
+        header += [f"property {text}" for name in has for text in PROPERTIES[name][1]]
+        header += [f"element face {face_count(keep)}", "property list uchar int vertex_indices", "end_header\n"]
+        file.write("\n".join(["ply", "format binary_little_endian 1.0", *header]).encode())
         for rows in bands:
             file.write(some_vertices(rows).tobytes())
         first = 0

@@ -48,7 +48,7 @@ def write_result(
     start = time.perf_counter()
     normals, surface, white = result.normals, result.surface, brightest(result)
     unit = None if result.capture.camera is None else result.capture.camera.mm_per_px
-    told: dict[str, Any] = {"normals_png_frame": frame}
+    facts: dict[str, Any] = {"normals_png_frame": frame}
 
     def write(name: str, what: Normals | Surface, **how: Any) -> Callable[[], None]:
         return lambda: folder.write(name, encoded(what, name, **how))
@@ -67,14 +67,14 @@ def write_result(
             write("mesh.ply", surface, normals=normals, albedo=result.albedo, **mesh),
             write("depth.npz", surface),
         ]
-        told["mesh"] = {"mm": unit is not None, "every": step_for(surface.mask, most_faces)}
+        facts["mesh"] = {"mm": unit is not None, "every": step_for(surface.mask, most_faces)}
     if result.lights is not None:
         folder.write("lights.lp", lp(result.capture.image_names, result.lights))
     if result.intensities is not None:
         folder.write("light_intensities.txt", table(result.intensities[:, None]))
     in_threads(lambda job: job(), jobs, cores() if normals.mask.size < LARGE else 1)
-    told["seconds"] = {**result.report["seconds"], "export": round(time.perf_counter() - start, 4)}
-    return report(folder, result.report | (read or {}) | told)
+    facts["seconds"] = {**result.report["seconds"], "export": round(time.perf_counter() - start, 4)}
+    return report(folder, result.report | (read or {}) | facts)
 
 
 def brightest(result: Result) -> float:

@@ -1,7 +1,7 @@
 """What libraries print while they decode: kept from the terminal, and heard.
 
 They print to file descriptor 2, or by Python's streams. The descriptor belongs to the whole process, so threads share
-one redirection as long as any of them decodes. Who printed can't be told then: a decoding during which anything was
+one redirection as long as any of them decodes. Nobody can know then who printed: a decoding during which anything was
 printed is done once more, alone.
 """
 

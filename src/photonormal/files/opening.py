@@ -25,7 +25,7 @@ OTHERS = {stat.S_IFIFO: "a FIFO", stat.S_IFCHR: "a device", stat.S_IFBLK: "a dev
 
 
 class Stamp(NamedTuple):
-    """What tells a file from what it was before, mostly."""
+    """What differs, mostly, when a file is no longer what it was before."""
 
     bytes: int
     mtime_ns: int

@@ -92,7 +92,7 @@ def export_maps(
         expected, name, unit = PROGRAMS[program], out.resolve().name, found.mm_per_px
         low, high = (value * (unit or 1.0) for value in layers.heights)
         h, w = layers.size
-        told = {
+        facts = {
             "normals": expected.frame,
             "height": {"low": low, "high": high},
             "width": w * (unit or 1.0),
@@ -102,7 +102,7 @@ def export_maps(
         }
         batch = kept.enter_context(at_once(out))
         _write(layers, expected, name, unit, exr, batch)
-        batch.write(f"{name}.json", (json.dumps(told, indent=2) + "\n").encode())
+        batch.write(f"{name}.json", (json.dumps(facts, indent=2) + "\n").encode())
     return out
 
 
@@ -110,7 +110,7 @@ def _write(layers: Layers, expected: TargetProgram, name: str, unit: float | Non
     """All pictures at the same time, some rows after the other."""
     values = _values(layers, expected.frame, unit, exr)
     low, high = (value * (unit or 1.0) for value in layers.heights)
-    told = {
+    remarks = {
         "colour": SRGB,
         "normals": text(FRAME, expected.frame),
         "height": text(REMARK, span(low, high, unit)),
@@ -129,7 +129,7 @@ def _write(layers: Layers, expected: TargetProgram, name: str, unit: float | Non
                         pictures[layer] = ExrRows(path, layers.size, colour, half=FLOATS[layer])
                     else:
                         file = files.enter_context(path.open("wb"))
-                        pictures[layer] = PngRows(file, layers.size, picture.dtype, colour, told.get(layer))
+                        pictures[layer] = PngRows(file, layers.size, picture.dtype, colour, remarks.get(layer))
                 pictures[layer].write(picture)
             advance(rows.stop - rows.start)
         for picture in pictures.values():
@@ -141,7 +141,7 @@ def _values(
 ) -> dict[str, Callable[[Sheet], np.ndarray | None]]:
     """The samples of each layer's picture, None where it is unknown."""
     (low, high), mm = layers.heights, np.float32(unit or 1.0)
-    told: dict[str, Callable[[Sheet], np.ndarray | None]] = {
+    pictures: dict[str, Callable[[Sheet], np.ndarray | None]] = {
         "colour": lambda part: display(part.colour),
         "normals": lambda part: np.rint((in_frame(part.normals, frame) + 1) * 32767.5).astype(np.uint16),
         "height": lambda part: levels(part.height, low, high),
@@ -155,7 +155,7 @@ def _values(
         "normals": lambda part: (in_frame(part.normals, frame) + 1) / 2,
         "height": lambda part: np.nan_to_num(part.height, nan=low) * mm,
     }
-    return told | floats if exr else told
+    return pictures | floats if exr else pictures
 
 
 def _in_8_bits(values: np.ndarray | None) -> np.ndarray | None:

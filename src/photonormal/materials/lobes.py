@@ -41,7 +41,7 @@ class FittedLobes:
     ----------
     albedo, F0 : not below zero
     alone : the albedo if there is no highlight
-    told : the lights show a highlight that fits
+    told : True where the lights show a highlight that fits
     certain : it fits so well, and so unlike a matt part, that it shows how much of that there is
     """
 

@@ -35,13 +35,13 @@ def check_files(
     from photonormal.export.folder import report, whole_folder
     from photonormal.png import encode_png
 
-    photographs, told = load(capture, **how), None
+    photographs, lights_found = load(capture, **how), None
     if lights_from != "given":
         from photonormal.methods.uncalibrated import found_lights
 
-        told = found_lights(photographs, lights_from)
-        photographs = told.shown_by(photographs)
-    found = check(photographs, told)
+        lights_found = found_lights(photographs, lights_from)
+        photographs = lights_found.shown_by(photographs)
+    found = check(photographs, lights_found)
     if out is None:
         return found, []
     with whole_folder(Path(out), overwrite, files_read(capture, photographs, *how.values())) as folder:

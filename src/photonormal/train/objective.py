@@ -32,20 +32,20 @@ def of_normals(model: Any, net: Network, seen: Observed, recipe: Recipe, passes:
     """Mean loss over the mask's pixels; its mean over the processes is the mean over all their pixels."""
     found = model(seen.images, seen.lights, seen.prior, passes)  # (passes b, d, h, w)
     truth, mask = seen.normals.repeat(passes, 1, 1, 1), seen.mask.repeat(passes, 1, 1, 1)
-    N, told = found[:, :3], found[:, 3 + net.memory :]
+    N, learned = found[:, :3], found[:, 3 + net.memory :]
     e = 1 - (N * truth).sum(1)  # (passes b, h, w)
     squared = 2 * e.clamp(min=0)  # |n - n'|^2
     if recipe.loss == "chord":
         e = (squared + CLOSE**2).sqrt() - CLOSE
     if net.teaches == "attention":
-        e = attended(e, N * mask, truth, told[:, 0])
+        e = attended(e, N * mask, truth, learned[:, 0])
     elif net.teaches == "images":
-        e = e + RENDERED * rendered_wrong(told, seen.images.repeat(passes, 1, 1, 1, 1))
+        e = e + RENDERED * rendered_wrong(learned, seen.images.repeat(passes, 1, 1, 1, 1))
     elif net.teaches == "maps":
-        e = e + told[:, 0] + SYMMETRIC * told[:, 1]
-    elif told.shape[1]:  # least where the expected error is the mean of the true ones, whatever their size
+        e = e + learned[:, 0] + SYMMETRIC * learned[:, 1]
+    elif learned.shape[1]:  # least where the expected error is the mean of the true ones, whatever their size
         true_deg = (2 * torch.asin((squared.detach().sqrt() / 2).clamp(max=1))).rad2deg()
-        e = e + DOUBT * (true_deg / told[:, -1] + told[:, -1].log())
+        e = e + DOUBT * (true_deg / learned[:, -1] + learned[:, -1].log())
     pixels = fabric.all_reduce(mask.sum().float(), reduce_op="mean")
     return (e * mask[:, 0]).sum() / pixels
 
@@ -59,10 +59,10 @@ def attended(e: Tensor, N: Tensor, truth: Tensor, P: Tensor) -> Tensor:
     return P * changes + EVEN * (1 - P) * e
 
 
-def rendered_wrong(told: Tensor, images: Tensor) -> Tensor:
+def rendered_wrong(guess: Tensor, images: Tensor) -> Tensor:
     """Mean square error (b, h, w) of images rendered back (b, 3 m, h, w), the first m of those that were read."""
-    told = told.unflatten(1, (-1, 3))  # (b, m, 3, h, w)
-    return (told - images[:, : told.shape[1]]).square().mean((1, 2))
+    guess = guess.unflatten(1, (-1, 3))  # (b, m, 3, h, w)
+    return (guess - images[:, : guess.shape[1]]).square().mean((1, 2))
 
 
 def of_lights(model: Any, seen: Observed) -> Tensor:

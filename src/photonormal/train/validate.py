@@ -88,8 +88,8 @@ def lights_on(net: Model, batches: Iterable, recipe: Recipe) -> dict[str, float]
         with inner_precision(seen.images.device):
             found = net(seen.images, seen.mask)
         angles.append(angle_deg(found.directions.double(), seen.lights.double()).flatten())
-        told, drawn = (e.cpu().double().numpy() for e in (found.log_intensities.exp(), seen.intensities))
-        wrong += [intensity_error(*pair) for pair in zip(told, drawn, strict=True)]
+        estimated, drawn = (e.cpu().double().numpy() for e in (found.log_intensities.exp(), seen.intensities))
+        wrong += [intensity_error(*pair) for pair in zip(estimated, drawn, strict=True)]
     e = torch.cat(angles)
     return {"mean_deg": float(e.mean()), "median_deg": float(e.median()), "intensity": 100 * float(np.mean(wrong))}
 

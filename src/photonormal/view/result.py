@@ -218,11 +218,11 @@ def report_of(folder: Path) -> StoredReport:
 
 def mm_per_px_of(report: StoredReport, folder: Path) -> float | None:
     """Millimetres that a pixel of a result is wide, where its report says."""
-    told = report.get("reading", {}).get("mm_per_px")
-    if told is None:
+    width = report.get("reading", {}).get("mm_per_px")
+    if width is None:
         return None
-    check_value(told, Positive, f"{folder / REPORT}: mm_per_px")
-    return told / (report.get("crop") or {"scale": 1.0})["scale"]
+    check_value(width, Positive, f"{folder / REPORT}: mm_per_px")
+    return width / (report.get("crop") or {"scale": 1.0})["scale"]
 
 
 def _same_size(path: Path, shape: tuple[int, ...], frame: tuple[int, ...]) -> None:

@@ -101,8 +101,8 @@ def _number(value: float | None, digits: int) -> str:
 def _findings(row: CaptureRow) -> str:
     """How many, in colours, and what they say; in place of them that it failed, and why."""
     if row.state == "failed":
-        told = f'<details><summary><span class="failed">failed</span></summary>{escape(row.failure)}</details>'
-        return f'<td data-value="1e9" class="text">{told}</td>'
+        reason = f'<details><summary><span class="failed">failed</span></summary>{escape(row.failure)}</details>'
+        return f'<td data-value="1e9" class="text">{reason}</td>'
     if row.state != "done":
         return '<td class="text">not begun</td>'
     grave, notes = row.grave or 0, (row.findings or 0) - (row.grave or 0)

@@ -1,4 +1,4 @@
-"""Figures from stored predictions and from training logs, each as PNG and PDF. Colours are told apart by everyone."""
+"""Figures from stored predictions and from training logs, each as PNG and PDF, in colours for the colour-blind."""
 
 from __future__ import annotations
 

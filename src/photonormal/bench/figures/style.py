@@ -1,4 +1,4 @@
-"""Colours and lines of all figures: the palette of Okabe and Ito and cividis, which colour-blind people tell apart."""
+"""Colours and lines of all figures: the palette of Okabe and Ito, and cividis, for colour-blind people, too."""
 
 from __future__ import annotations
 

@@ -23,10 +23,10 @@ def evened(capture: Capture, method: Streaming) -> Capture:
     """The capture with such pictures divided, which its notes say; itself where there are none, or lamps are near."""
     if capture.lamps is not None:
         return capture
-    told = method.brightened(lambda: some_of(capture))
-    if told is None or (told == 1).all():
+    factors = method.brightened(lambda: some_of(capture))
+    if factors is None or (factors == 1).all():
         return capture
-    e = told.double().numpy()
+    e = factors.double().numpy()
     return replace(under(capture, None, e), notes=(*capture.notes, note(e, capture.image_names)))
 
 

@@ -38,9 +38,9 @@ def halved(method: Streaming, capture: Capture, device: torch.device) -> Solutio
     look = first_look(net.scaling, capture, box, device, prior_named(method.prior or net.config.prior))
     small = half_of(capture, box, in_grey=net.scaling == "grey")
     found = measured(net, small, device, method.rotations, prior=method.prior or PRIOR, passes=method.passes)
-    told = found.normals.new_ones(len(found.normals), 1) if found.told_deg is None else found.told_deg[:, None]
+    expected_deg = found.normals.new_ones(len(found.normals), 1) if found.told_deg is None else found.told_deg[:, None]
     coarse = torch.zeros(4, *small.mask.shape)
-    coarse[:, torch.from_numpy(small.mask)] = torch.cat([found.normals, told], dim=1).T
+    coarse[:, torch.from_numpy(small.mask)] = torch.cat([found.normals, expected_deg], dim=1).T
     full = carried(coarse, look.prior[slice(None), slice(None)].cpu(), box.mask)
     full[:3] *= look.lit.cpu()
     values = box.on_mask(full)  # (p, 4)

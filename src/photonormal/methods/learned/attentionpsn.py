@@ -1,6 +1,6 @@
 """Attention-PSN (Ju, Lam, Chen, Qi, Dong, IJCAI 2020): at an object's edges it learned from changes of normals.
 
-A deep residual network takes the place of PS-FCN's extractor. Beside it a small one tells from the edges of the images
+A deep residual network takes the place of PS-FCN's extractor. Beside it a small one finds from the edges of the images
 how much each pixel is an edge; it decides what is learned (`photonormal.train.objective`), and does not measure.
 """
 

@@ -19,7 +19,7 @@ from photonormal.methods.learned.processor import exactly
 
 RELATION = 10  # channels between a leaf and its relation
 SLOPE = 0.2  # of their LeakyReLU
-CLOSEST = 1 - 1e-4  # cosines within are told apart, and have gradients
+CLOSEST = 1 - 1e-4  # cosines within can be distinguished, and have gradients
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ RENDERED = 16  # channels of the rendering network
 
 @dataclass(frozen=True)
 class IRPS:
-    """Two networks learn one object: one tells normals from all images, one renders each image back from the normals.
+    """Two networks learn one object: one finds normals from all images, one renders each image back from the normals.
 
     The loss is mean |rendering - image|; in the first iterations least-squares normals pull, too. Nothing but the
     object's own photographs is learned from. Where the object has more than `pixels` it learns from reduced images;

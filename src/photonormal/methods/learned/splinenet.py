@@ -2,7 +2,7 @@
 
 The paper is "SPLINE-Net: Sparse photometric stereo through lighting interpolation and normal estimation networks".
 
-Few lights: one network fills the gaps of a pixel's observation map, another tells the normal from both maps. While they
+Few lights: one network fills the gaps of a pixel's observation map, another finds the normal from both maps. While they
 learn, the first is shown some of a pixel's samples and has to predict all of them (`photonormal.train.objective`). The
 paper takes turns between the two networks, and renders full maps for the first; here both learn in every step, from
 the samples that other networks learn from.

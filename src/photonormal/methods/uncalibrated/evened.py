@@ -51,10 +51,10 @@ def brightened(seen: Observations) -> Float[Tensor, " n"]:
 def off(shown: ShownPixels, L: Float[Tensor, "n 3"]) -> Float[Tensor, " n"]:
     """Logarithms of the lights' factors, 0 where they are not clear."""
     none = torch.zeros(len(L))
-    told = shown.keep.sum(1) > 3
-    if told.sum() < OF_PART * PARTS:
+    enough = shown.keep.sum(1) > 3
+    if enough.sum() < OF_PART * PARTS:
         return none
-    linear = linear_intensities(shown.I[told].double().numpy(), L.double().numpy())
+    linear = linear_intensities(shown.I[enough].double().numpy(), L.double().numpy())
     log_e, other = (settled(shown, L, start) for start in (none, torch.from_numpy(linear).float().log()))
     if FactorResidual.of(shown, L, other).misfit < OTHER * FactorResidual.of(shown, L, log_e).misfit:
         log_e = other  # lights beside each other that are off alike explain each other, by wrong normals

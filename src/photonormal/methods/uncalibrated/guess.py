@@ -38,10 +38,10 @@ def guess(net: LightsNet, capture: Capture, device: torch.device) -> Guess:
     images, mask = images[None].to(device), inside[None, None].to(device)
     net = placed(net, device).eval()
     with torch.inference_mode():
-        told = [looked(net, turned(images, case), turned(mask, case)) for case in range(8)]
-        L = torch.stack([turned_back(t.directions[0], case) for case, t in enumerate(told)]).mean(0)
-        e = torch.stack([t.log_intensities[0] for t in told]).mean(0).exp()
-        doubt = torch.stack([t.told_deg[0] for t in told]).mean(0)
+        looks = [looked(net, turned(images, case), turned(mask, case)) for case in range(8)]
+        L = torch.stack([turned_back(t.directions[0], case) for case, t in enumerate(looks)]).mean(0)
+        e = torch.stack([t.log_intensities[0] for t in looks]).mean(0).exp()
+        doubt = torch.stack([t.told_deg[0] for t in looks]).mean(0)
     return Guess(*(v.cpu().float() for v in (normalised(L), e, doubt)))
 
 

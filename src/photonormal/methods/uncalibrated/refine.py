@@ -104,8 +104,8 @@ def refined(capture: Capture, proof: Proof = ASKED) -> FoundLights:
 
 def bent(shown: ShownPixels, N: Float[Tensor, "p 3"]) -> float:
     """How clearly the curl of N's slopes speaks for other normals: the square of standard errors; 0 where it can't."""
-    told = curl(N, shown.inside)
-    return 0.0 if told is None else float(told.told @ told.precision @ told.told)
+    evidence = curl(N, shown.inside)
+    return 0.0 if evidence is None else float(evidence.told @ evidence.precision @ evidence.told)
 
 
 def given(L: Float[Tensor, "n 3"]) -> Believed:

@@ -35,10 +35,10 @@ def shape_of_lights(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> tup
     """What can't be known of lights where the normals that were found are those of such a surface."""
     if not spread_deg(N[N.norm(dim=1) > 0.5]) > CURVED_DEG:
         return (FLAT,)
-    told = curl_of(N, inside)
-    if told is None:
+    evidence = curl_of(N, inside)
+    if evidence is None:
         return ()
-    return () if float(torch.linalg.eigvalsh(told.power())[0]) > IRREGULAR else (REGULAR,)
+    return () if float(torch.linalg.eigvalsh(evidence.power())[0]) > IRREGULAR else (REGULAR,)
 
 
 def leaning(N: Float[Tensor, "p 3"], inside: Bool[Tensor, "h w"]) -> float:

@@ -1,4 +1,4 @@
-// What every page begins with: its data, drawing at the next frame, and where faults are told.
+// What every page begins with: its data, drawing at the next frame, and where faults are shown.
 const data = JSON.parse(document.getElementById("data").textContent);
 const at = (id) => document.getElementById(id);
 const bytesOfText = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));

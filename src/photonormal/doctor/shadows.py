@@ -1,8 +1,10 @@
-"""Cast shadows fall away from what casts them.
+"""Cast shadows lie where the surface rises above the light's ray.
 
-A sample that faces its light and is dark nevertheless lies in a cast shadow. What casts it is towards the light, and
-turns its back to the light there; away from the light the shadow ends on what is lit. In a frame that is half a turn
-off, all this is the other way round.
+From each pixel the surface that the lights show is walked towards every light: where it rises above the ray, the pixel
+lies in a cast shadow. In a frame that is half a turn off, the same surface turned inside out has its shadows elsewhere,
+where the walk away from the light rises. Where only one of both says so, a sample that is darker than others alike
+speaks for the one, and one that is not for the other. Alike are samples whose normals stand alike to light and view, so
+that no material, however it shines, looks like shadows.
 """
 
 from __future__ import annotations
@@ -12,29 +14,37 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-FACING, BACK = 0.3, 0.1  # n.l of what faces a light, and of what turns its back to it
-DARK = 0.35  # of what it would show, at which a sample that faces its light lies in a cast shadow
-FAR = 8  # pixels that are looked along
+from photonormal.geometry import normalised
+
+FACING = 0.15  # n.l of what faces a light
+DARK = 0.35  # of what it would show, at which such a sample may lie in a cast shadow
+COSINES, HALFWAY = 12, 16  # classes of n.l and of n.h, in each of which samples are alike
+FAR = 24  # pixels that are walked
+STEEP = 0.15  # n_z below which slopes count as if it were that
 LOW = 0.25  # sine of a light's angle to the view at least: others cast no shadow to speak of
+LIGHTS = 16  # that are looked at, at most
 PART = 12  # pixels along the side of the parts that have to agree
-PARTS = 8  # of them, at least
-CLEAR, CERTAIN = 0.35, 5.0  # mean vote of the samples or of the parts, and of these in standard errors
-LEANS, FEWER = (0.1, 3.0), 4  # the same, and parts, where an outline has to say so, too
+SAMPLES = 30  # on each side, at least
+CLEAR, CERTAIN, PARTS = 0.25, 3.5, 8  # by how much more often samples are dark, standard errors over parts and over
+# lights, and parts, at least
+LEANS = 0.06, 2.5, 4  # the same where an outline has to say so, too
 
 
 @dataclass(frozen=True)
 class CastShadows:
-    """Where samples lie in cast shadows, and what turns its back to each light.
+    """Which samples are dark, and how the surface rises over each light's ray.
 
     Parameters
     ----------
-    at : (k, 3) light, row and column
-    back : (n, h, w)
+    facing : (n, h, w) samples that face their light
+    darker : (n, h, w) 1 where those are dark, less the part that is dark of those alike
+    rise : (n, h + 2 FAR, w + 2 FAR) of the surface above the ray over a pixel towards the light; NaN off the mask
     L : (n, 3)
     """
 
-    at: np.ndarray
-    back: Bool[np.ndarray, "n h w"]
+    facing: Bool[np.ndarray, "n h w"]
+    darker: Float[np.ndarray, "n h w"]
+    rise: Float[np.ndarray, "n H W"]
     L: Float[np.ndarray, "n 3"]
 
     @classmethod
@@ -46,43 +56,69 @@ class CastShadows:
         L: Float[np.ndarray, "n 3"],
     ) -> CastShadows:
         low = np.flatnonzero(np.hypot(L[:, 0], L[:, 1]) > LOW)
-        size = np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
-        s = (b / size) @ L[low].T  # (p, m)
-        back, cast = (np.zeros((len(low), *mask.shape), bool) for _ in range(2))
-        back[:, mask] = (s < BACK).T
-        cast[:, mask] = ((s > FACING) & (I[:, low] / size < DARK * s)).T
-        return cls(np.argwhere(cast), back, L[low])
+        low = low[:: max(1, -(-len(low) // LIGHTS))]
+        I, L, size = I[:, low], L[low], np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
+        N = b / size
+        s, nh = N @ L.T, (N @ normalised(L + np.array([0.0, 0.0, 1.0])).T).clip(0, 1)  # (p, m)
+        facing = s > FACING
+        dark = (I / size < DARK * s)[facing]
+        angles = (s * COSINES).astype(int) * (HALFWAY + 1) + (nh * HALFWAY).astype(int)
+        alike = (angles + np.arange(len(low)) * (COSINES + 1) * (HALFWAY + 1))[facing]
+        usual = np.bincount(alike, dark) / np.bincount(alike).clip(1)
+        darker = np.zeros(s.shape)
+        darker[facing] = dark - usual[alike]
+        across = np.hypot(L[:, 0], L[:, 1])
+        rise = -(N[:, :2] / N[:, 2:].clip(STEEP)) @ (L[:, :2] / across[:, None]).T - L[:, 2] / across
+
+        def maps(v: np.ndarray, elsewhere: float) -> np.ndarray:
+            found = np.full((len(low), *mask.shape), elsewhere, v.dtype)
+            found[:, mask] = v.T
+            return found
+
+        walked = np.pad(maps(rise.astype(np.float32), np.nan), ((0, 0), (FAR, FAR), (FAR, FAR)), constant_values=np.nan)
+        return cls(maps(facing, False), maps(darker.astype(np.float32), 0), walked, L)
 
     def vote(self, M: Float[np.ndarray, "3 3"]) -> float:
-        """1 where all shadows fall away from what casts them if lights are turned by M, -1 where all fall towards it.
+        """Above 0 where shadows lie as the surface casts them if lights are turned by M, below where half a turn on.
 
-        0 where too few say so.
+        By how much more often samples are dark in the one's shadows than in the other's; 0 where it is too little, may
+        be chance, or one of both casts none.
         """
-        return self._mean(M, CLEAR, CERTAIN, PARTS)
+        return self._more(M, CLEAR, CERTAIN, PARTS)
 
     def leaning(self, M: Float[np.ndarray, "3 3"]) -> float:
         """The same from less: what something else has to confirm."""
-        return self._mean(M, *LEANS, FEWER)
+        return self._more(M, *LEANS)
 
-    def _mean(self, M: Float[np.ndarray, "3 3"], clear: float, certain: float, parts: int) -> float:
-        if not len(self.at):
+    def _more(self, M: Float[np.ndarray, "3 3"], clear: float, certain: float, parts: int) -> float:
+        towards = (self.L @ M.T)[:, :2]
+        towards = towards / np.linalg.norm(towards, axis=1, keepdims=True)
+        says = np.stack(
+            [above_ray(r, t).astype(int) - above_ray(r, -t) for r, t in zip(self.rise, towards, strict=True)]
+        )
+        sides = [self.facing & (says == side) for side in (1, -1)]
+        if min(int(side.sum()) for side in sides) < SAMPLES:
             return 0.0
-        j, row, column = self.at.T
-        L = self.L @ M.T
-        step = L[:, :2] / np.hypot(L[:, 0], L[:, 1])[:, None] * [1, -1]  # right and down
-        nearest = []
-        for side in (1, -1):
-            d = np.full(len(j), FAR + 1)
-            for k in range(FAR, 0, -1):
-                x = column + np.rint(side * k * step[j, 0]).astype(int)
-                y = row + np.rint(side * k * step[j, 1]).astype(int)
-                inside = (x >= 0) & (x < self.back.shape[2]) & (y >= 0) & (y < self.back.shape[1])
-                d[inside] = np.where(self.back[j[inside], y[inside], x[inside]], k, d[inside])
-            nearest.append(d)
-        votes = np.sign(nearest[1] - nearest[0])
-        part = np.unique((row // PART) * 1000 + column // PART, return_inverse=True)[1]
-        of_part = np.bincount(part, votes) / np.bincount(part)
-        error = of_part.std() / np.sqrt(len(of_part)) + 1e-3
-        all_votes, mean = float(votes.mean()), float(of_part.mean())
-        clear_enough = len(of_part) >= parts and abs(mean) > certain * error and max(abs(mean), abs(all_votes)) > clear
-        return mean if clear_enough and mean * all_votes > 0 else 0.0
+        more, off = 0.0, np.zeros(says.shape)
+        for side, sign in zip(sides, (1, -1), strict=True):
+            darker = self.darker[side]
+            more += sign * float(darker.mean())
+            off[side] = sign * (darker - darker.mean()) / len(darker)
+        light, row, column = np.nonzero(sides[0] | sides[1])
+        off = off[light, row, column]
+        of_part = np.bincount(np.unique((row // PART) * 1000 + column // PART, return_inverse=True)[1], off)
+        error = max(float(np.sqrt((sums**2).sum())) for sums in (of_part, np.bincount(light, off)))
+        return more if len(of_part) >= parts and abs(more) > max(clear, certain * error) else 0.0
+
+
+def above_ray(rise: Float[np.ndarray, "H W"], towards: Float[np.ndarray, " 2"]) -> Bool[np.ndarray, "h w"]:
+    """Where the surface, walked from a pixel in a direction (x, y), gets above the ray, before it leaves the mask."""
+    h, w = (side - 2 * FAR for side in rise.shape)
+    here = rise[FAR : FAR + h, FAR : FAR + w]
+    above = highest = np.zeros_like(here)
+    for k in range(1, FAR + 1):
+        row, column = FAR - round(k * towards[1]), FAR + round(k * towards[0])
+        there = rise[row : row + h, column : column + w]
+        above = above + (here + there) / 2
+        highest, here = np.fmax(highest, above), there
+    return highest > 0

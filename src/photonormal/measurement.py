@@ -21,12 +21,18 @@ from photonormal.options import Device, LightsFrom, Precision, check_value
 from photonormal.progress import progress
 from photonormal.resources import hand_back, peak_mb
 from photonormal.scoring import score
-from photonormal.types import Capture, InputError, Normals, Result, as_capture
+from photonormal.types import Capture, InputError, Materials, Normals, Result, Surface, as_capture
 
 if TYPE_CHECKING:
     import torch
 
+    from photonormal.materials.interreflections import Brightening
     from photonormal.methods.contract import Method, Solution
+
+INEXACT = (
+    "Materials need exact lights, and these were found from the photographs: an error of some degrees looks like gloss, and "
+    "base_colour.png gets dark spots. Compare it with albedo.png, or take the lights from a mirror sphere."
+)
 
 
 def measure(
@@ -81,7 +87,7 @@ def measure(
     where = torch_device(device)
     lights = _lights_from(lights, solver, capture, method, materials)
     seconds: dict[str, float] = {}
-    samples, told = None, None
+    samples, found = None, None
     findings: list[Finding] = []
     if examine:
         with _stage("read", seconds):
@@ -91,48 +97,27 @@ def measure(
         from photonormal.methods.uncalibrated import found_lights
 
         with _stage("lights", seconds), computing_in(precision):
-            told = found_lights(capture, lights, device)
-        capture = told.shown_by(capture)
+            found = found_lights(capture, lights, device)
+        capture = found.shown_by(capture)
     if examine:
         with _stage("check", seconds):
-            findings = check(capture, told)
-    warnings = [finding.message for finding in findings] if examine or told is None else list(told.notes)
+            findings = check(capture, found)
+    warnings = [finding.message for finding in findings] if examine or found is None else list(found.notes)
     solved = _solved(solver, capture, where, precision, parts, expected_error, seconds)
-    normals, lit, told = solved.normals, solved.lit, told or solved.told
+    normals, lit, found = solved.normals, solved.lit, found or solved.found
     warnings += lit.notes[len(capture.notes) :]
-    surface = rho = made_of = between = None
+    surface = None
     if integration is not None:
         with _stage("integrate", seconds), progress(f"depth by {integration}"):
             surface = integrate(normals, integration, K=_camera_matrix(capture, K))
-    if materials:
-        from photonormal.materials import materials_of
-
-        with _stage("materials", seconds):
-            made_of = materials_of(lit, normals)
-        if told is not None:
-            warnings.append(
-                "Materials need exact lights, and these were found from the photographs: an error of some degrees "
-                "looks like gloss, and base_colour.png gets dark spots. Compare it with albedo.png, "
-                "or take the lights from a mirror sphere."
-            )
-    if albedo and lit.lights is not None:
-        from photonormal.methods.albedo import lambertian_albedo
-
-        with _stage("albedo", seconds):
-            rho = lambertian_albedo(lit, normals)
-    if rho is not None and surface is not None:
-        from photonormal.materials.interreflections import brightening
-
-        with _stage("inter-reflections", seconds), progress("light between parts"):
-            between = brightening(lit, normals, surface, rho)
-            if between is not None:
-                for each in [rho] if made_of is None else [rho, made_of.albedo]:
-                    between.take_from(each)
+    seen = _appearance(lit, normals, surface, albedo, materials, seconds)
+    if materials and found is not None:
+        warnings.append(INEXACT)
     if dark := int(capture.mask.sum()) - int(normals.mask.sum()):
         warnings.append(f"{dark} pixels of the mask have no normal: no light reached them.")
     report = {
         "photonormal": photonormal.__version__,
-        **_told_of(capture, normals),
+        **_facts(capture, normals),
         "method": method,
         "options": options_of(solver),
         "integration": integration,
@@ -145,12 +130,12 @@ def measure(
         "warnings": warnings,
         "findings": [finding.as_dict() for finding in findings],
     }
-    if rho is not None and surface is not None:
-        report["interreflections"] = None if between is None else between.as_dict()
-    if told is not None:
-        report["found_lights"] = told.as_dict()
-    lit_by = (None, None) if told is None else (told.lights, told.intensities)
-    return Result(capture, normals, rho, surface, *lit_by, report, made_of)
+    if seen.albedo is not None and surface is not None:
+        report["interreflections"] = None if seen.between is None else seen.between.as_dict()
+    if found is not None:
+        report["found_lights"] = found.as_dict()
+    lit_by = (None, None) if found is None else (found.lights, found.intensities)
+    return Result(capture, normals, seen.albedo, surface, *lit_by, report, seen.materials)
 
 
 def _lights_from(lights: LightsFrom, solver: Method, capture: Capture, method: str, materials: bool) -> LightsFrom:
@@ -177,7 +162,7 @@ class _Solved(NamedTuple):
 
     normals: Normals
     lit: Capture
-    told: FoundLights | None
+    found: FoundLights | None
     computed_in: str | None
 
 
@@ -198,14 +183,14 @@ def _solved(
     from photonormal.methods.learned.processor import computing_in, number_format
 
     with _stage("solve", seconds):
-        whole, told = prepared(solver, capture), None
+        whole, lights = prepared(solver, capture), None
         with computing_in(precision):
             found = joined(parts, capture) if parts else run_as_it_is(solver, whole, where)
             computed_in = number_format(where, solver.exact) if isinstance(solver, Streaming) else None
         normals = on_mask(found, capture)
     lit, told_deg = with_lights(whole, found), found.told_deg
     if found.lights is not None:
-        told = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
+        lights = FoundLights(found.lights.numpy(), None if found.intensities is None else found.intensities.numpy())
     del found  # its normals lie in the map
     if expected_error and lit.lights is not None:
         from photonormal.methods.expected import with_expected_error
@@ -213,13 +198,47 @@ def _solved(
         with _stage("expected error", seconds):
             lit = seen_as_distant(lit, normals)
             normals = with_expected_error(normals, told_deg, lit, solver, where)
-    return _Solved(normals, lit, told, computed_in)
+    return _Solved(normals, lit, lights, computed_in)
 
 
-def _told_of(capture: Capture, normals: Normals) -> dict[str, Any]:
+class _Appearance(NamedTuple):
+    """What the surface looks like, as far as it was asked for, and the light between its parts that was taken out."""
+
+    albedo: np.ndarray | None
+    materials: Materials | None
+    between: Brightening | None
+
+
+def _appearance(
+    lit: Capture, normals: Normals, surface: Surface | None, albedo: bool, materials: bool, seconds: dict[str, float]
+) -> _Appearance:
+    """Albedo and materials; with a surface, without the light that its parts send each other."""
+    rho = made_of = between = None
+    if materials:
+        from photonormal.materials import materials_of
+
+        with _stage("materials", seconds):
+            made_of = materials_of(lit, normals)
+    if albedo and lit.lights is not None:
+        from photonormal.methods.albedo import lambertian_albedo
+
+        with _stage("albedo", seconds):
+            rho = lambertian_albedo(lit, normals)
+    if rho is not None and surface is not None:
+        from photonormal.materials.interreflections import brightening
+
+        with _stage("inter-reflections", seconds), progress("light between parts"):
+            between = brightening(lit, normals, surface, rho)
+            if between is not None:
+                for each in [rho] if made_of is None else [rho, made_of.albedo]:
+                    between.take_from(each)
+    return _Appearance(rho, made_of, between)
+
+
+def _facts(capture: Capture, normals: Normals) -> dict[str, Any]:
     """What a report says of the capture and of its normals."""
     inside, measured = int(capture.mask.sum()), int(normals.mask.sum())
-    told: dict[str, Any] = {
+    facts: dict[str, Any] = {
         "capture": capture.name,
         "images": list(capture.image_names),
         "lights": capture.images.shape[0],
@@ -228,10 +247,10 @@ def _told_of(capture: Capture, normals: Normals) -> dict[str, Any]:
         "pixels": {"mask": inside, "measured": measured, "dark": inside - measured},
     }
     if normals.expected_error_deg is not None:
-        told["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
+        facts["expected_error_deg"] = round(float(np.nanmean(normals.expected_error_deg)), 3)
     if capture.truth is not None:
-        told["score"] = score(normals, capture.truth).as_dict()
-    return told
+        facts["score"] = score(normals, capture.truth).as_dict()
+    return facts
 
 
 def _camera_matrix(capture: Capture, K: np.ndarray | None) -> np.ndarray | None:

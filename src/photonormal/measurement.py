@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from photonormal.methods.contract import Method, Solution
 
 INEXACT = (
-    "Materials need exact lights, and these were found from the photographs: an error of some degrees looks like gloss, and "
-    "base_colour.png gets dark spots. Compare it with albedo.png, or take the lights from a mirror sphere."
+    "Materials need exact lights, and these were found from the photographs: an error of some degrees looks like "
+    "gloss, and base_colour.png gets dark spots. Compare it with albedo.png, or take the lights from a mirror sphere."
 )
 
 

@@ -58,7 +58,7 @@ class Bilateral:
 
     k: float = 2.0
     grazing: float = 0.01
-    tolerance: float = 1e-4
+    tolerance: float = 3e-5
     rounds: int = 150
     combined: int = 2
     outlier_deg: float = 1.0

@@ -7,6 +7,8 @@ show together: each is brighter where its own lamp would be mirrored than where 
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Float
 
@@ -79,15 +81,19 @@ def _turns(missing: Float[np.ndarray, "n a b"], r: float) -> list[tuple[float, f
 
 
 def agreed(around: Surroundings, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Circle:
-    """The circle close by on which highlights `xy` and shadows mean the same lamps; as it came where these are noise.
+    """Half-way to the circle on which highlights `xy` and shadows mean the same lamps; as it is where these are noise.
 
-    An outline that is off by a pixel turns what highlights say twice to thirty times as far as what shadows say.
+    An outline that is off by a pixel turns what highlights say twice to thirty times as far as what shadows say. Both
+    circles are off by parts of a pixel, each in its own way, so their mean is nearer than either.
     """
     if around.explained(circle, xy) < TELLS:
         return circle
     fitted = around.fitted(circle, xy)
     change = np.hypot(fitted.x - circle.x, fitted.y - circle.y) + abs(fitted.r - circle.r)
-    return fitted if change < CLOSE * circle.r else circle
+    if change >= CLOSE * circle.r:
+        return circle
+    x, y, r = ((getattr(circle, k) + getattr(fitted, k)) / 2 for k in "xyr")
+    return replace(circle, x=x, y=y, r=r)
 
 
 def near(around: Surroundings, circle: Circle, xy: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:

@@ -85,8 +85,8 @@ def test_a_light_file_of_another_name(folder):
     np.testing.assert_allclose(load(folder / "lights.txt", format="rti").known_lights(), LIGHTS, atol=1e-9)
 
 
-@pytest.mark.parametrize("count", ["5", "3", "-4", "999999999", "9" * 5000, "4.0", "four", "٤", "0x4"])
-def test_counts_that_are_not_that_of_the_list(folder, count):
+@pytest.mark.parametrize("count", ["-4", "9" * 5000, "4.0", "four", "٤", "0x4"])
+def test_counts_that_are_none(folder, count):
     (folder / "a.lp").write_text(lp(count=count), "utf-8")
     assert "correct" in refusal(load, folder)
 

@@ -140,7 +140,7 @@ def all_below(capture: Path) -> set[str]:
         inside = Path(place)
         folders[:] = [name for name in folders if name[0] != "." and listed_files(inside / name) is None]
         found |= {(inside / name).relative_to(folder).as_posix() for name in files if name[0] != "."}
-    if capture.is_file():
+    if os.path.isfile(capture):  # which a name may be too long for
         with suppress(InputError):  # it is no list
             there, place = (p.resolve() for p in named_pictures(capture)), folder.resolve()
             found |= {str(picture) for picture in there if not picture.is_relative_to(place)}

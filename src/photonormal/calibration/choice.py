@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from photonormal.calibration.circle import Circle
+from photonormal.calibration.circle import Circle, minified
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.survey import Survey, unexplained
 from photonormal.geometry import angle_deg
@@ -64,10 +64,9 @@ class FoundCircle:
 
     def moved(self, x0: float, y0: float, scale: float) -> FoundCircle:
         """The same in pixels of the photograph: this place begins at (x0, y0) and was seen `scale` times as large."""
-        c = self.circle
-        x, y = (c.x + 0.5) / scale - 0.5 + x0, (c.y + 0.5) / scale - 0.5 + y0
-        circle = replace(c, x=x, y=y, r=c.r / scale, residual_px=c.residual_px / scale)
-        return replace(self, circle=circle, xy=(self.xy + 0.5) / scale - 0.5 + (x0, y0))
+        c = self.circle.minified(scale)
+        circle = replace(c, x=c.x + x0, y=c.y + y0, residual_px=c.residual_px / scale)
+        return replace(self, circle=circle, xy=minified(self.xy, scale) + np.array([x0, y0]))
 
     @property
     def mirrors(self) -> float:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,6 +15,9 @@ from jaxtyping import Bool, Float
 from photonormal.types import InputError
 
 CUT_OFF = 0.5  # part of the radius that the border may cut off: of more rendered balls one was off by 11 degrees
+
+
+Coordinate = TypeVar("Coordinate", float, np.ndarray)
 
 
 @dataclass(frozen=True)
@@ -73,6 +77,24 @@ class Circle:
     def seen_in(self, box: tuple[slice, slice]) -> Circle:
         """The same circle in these rows and columns alone."""
         return replace(self, x=self.x - box[1].start, y=self.y - box[0].start)
+
+    def magnified(self, scale: float) -> Circle:
+        """The same circle in a picture `scale` times as large."""
+        return replace(self, x=magnified(self.x, scale), y=magnified(self.y, scale), r=self.r * scale)
+
+    def minified(self, scale: float) -> Circle:
+        """The same circle in a picture `scale` times as small."""
+        return replace(self, x=minified(self.x, scale), y=minified(self.y, scale), r=self.r / scale)
+
+
+def magnified(v: Coordinate, scale: float) -> Coordinate:
+    """Coordinates in a picture `scale` times as large."""
+    return (v + 0.5) * scale - 0.5
+
+
+def minified(v: Coordinate, scale: float) -> Coordinate:
+    """Coordinates in a picture `scale` times as small."""
+    return (v + 0.5) / scale - 0.5
 
 
 class SphereError(InputError):

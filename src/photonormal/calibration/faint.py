@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from photonormal.calibration.choice import CLOSE, TELLS
-from photonormal.calibration.circle import Circle
+from photonormal.calibration.circle import Circle, minified
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.outline import refined_circle, resized
 from photonormal.calibration.reflections import RIM
@@ -75,7 +75,7 @@ def _turns(missing: Float[np.ndarray, "n a b"], r: float) -> list[tuple[float, f
     found = []
     for _ in range(TRIED):
         y, x = np.unravel_index(int(turns.argmax()), turns.shape)
-        found.append((float(turns[y, x]), (x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5))
+        found.append((float(turns[y, x]), minified(float(x), scale), minified(float(y), scale)))
         turns[max(0, y - 2 * aside + 2) : y + 2 * aside - 1, max(0, x - 2 * aside + 2) : x + 2 * aside - 1] = 0
     return [f for f in found if f[0] > 0]
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from photonormal.calibration.circle import Circle, fit_circle
+from photonormal.calibration.circle import Circle, fit_circle, minified
 
 VOTING_SIZE = 160  # longest side in pixels of the pictures that vote for circles
 VOTERS = 12  # pictures that vote
@@ -46,7 +46,7 @@ def outlines(pictures: Sequence[Float[np.ndarray, "h w"]], count: int, pixel: fl
             found.append(circle)
 
     for k, y, x in _peaks(votes, count):
-        look((x + 0.5) / size - 0.5, (y + 0.5) / size - 0.5, _radii(votes.shape[1:])[k] / size)
+        look(minified(x, size), minified(y, size), _radii(votes.shape[1:])[k] / size)
     found.sort(key=lambda c: -c.confidence)
     for c in found[:INNER]:
         for factor in OUTER:

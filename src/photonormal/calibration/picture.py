@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from photonormal.calibration.circle import Circle
+from photonormal.calibration.circle import Circle, magnified
 from photonormal.calibration.sphere import Sphere
 
 HEIGHT = 700  # pixels
@@ -47,7 +47,7 @@ def _marked(
     picture = np.repeat(np.rint(255 * grey.clip(0, 1) ** (1 / 2.2)).astype(np.uint8)[..., None], 3, axis=-1)
 
     def at(x: float, y: float) -> tuple[int, int]:  # in sixteenths of a pixel
-        return round(16 * ((x + 0.5) * scale - 0.5)), round(16 * ((y + 0.5) * scale - 0.5))
+        return round(16 * magnified(x, scale)), round(16 * magnified(y, scale))
 
     for c in (*circles, *(s.circle for s in spheres)):
         cv2.circle(picture, at(c.x, c.y), round(16 * c.r * scale), OUTLINE, 1, cv2.LINE_AA, 4)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float
 
-from photonormal.calibration.circle import Circle
+from photonormal.calibration.circle import Circle, magnified
 from photonormal.masked import box_of
 
 RIM = 0.8  # part of the radius inside which reflections are looked for; lamps beyond 106 degrees light nothing seen
@@ -65,7 +65,7 @@ class Highlight:
 
     def enlarged(self, factor: float) -> Highlight:
         """The same in a picture that is larger by `factor`."""
-        x, y = ((a + 0.5) * factor - 0.5 for a in (self.x, self.y))
+        x, y = magnified(self.x, factor), magnified(self.y, factor)
         area, flux = round(self.area_px * factor**2), self.flux * factor**2
         return replace(self, x=x, y=y, area_px=area, flux=flux, others=tuple(h.enlarged(factor) for h in self.others))
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from photonormal.calibration import faint
 from photonormal.calibration.choice import AS_WELL, CONFIDENCE, MIRRORS, FoundCircle, apart, best_of, overlap
-from photonormal.calibration.circle import Circle, SphereError
+from photonormal.calibration.circle import Circle, SphereError, magnified
 from photonormal.calibration.highlight import darkest_channel, is_a_mirror_s, looked_for
 from photonormal.calibration.outline import outlines, refined_circle, resized
 from photonormal.calibration.reflections import TOPS
@@ -97,8 +97,8 @@ def _balls(looked: list[FoundCircle], survey: Survey, where: str) -> list[FoundC
 def _shaded(survey: Survey) -> list[tuple[float, float, float]]:
     """Places (x, y, radius), in pixels of the photographs, of small circles around which shadows turn."""
     around, scale = Surroundings.of(survey.roots[: len(survey.dark)], max(1.0, survey.scale)), survey.scale
-    circles = faint.turned_around(around)
-    return [((c.x + 0.5) / scale - 0.5, (c.y + 0.5) / scale - 0.5, c.r / scale) for c in circles]
+    circles = [c.minified(scale) for c in faint.turned_around(around)]
+    return [(c.x, c.y, c.r) for c in circles]
 
 
 def _looked_at(
@@ -121,7 +121,7 @@ def _looked_at(
     found = []
     for (x, y, s), (rows, columns, scale), (roots, dark) in zip(places, boxes, crops, strict=True):
         left, top = columns.start, rows.start
-        middle = (x - left + 0.5) * scale - 0.5, (y - top + 0.5) * scale - 0.5
+        middle = magnified(x - left, scale), magnified(y - top, scale)
         seeds = [Circle(*middle, part * s * scale, 0.0) for part in SEEDS]
         found += _in_place(roots, np.stack(dark), left, top, scale, seeds)
     return found

@@ -10,7 +10,7 @@ from jaxtyping import Bool
 
 from photonormal.calibration import faint
 from photonormal.calibration.choice import FoundCircle
-from photonormal.calibration.circle import Circle, SphereError, from_mask
+from photonormal.calibration.circle import Circle, SphereError, from_mask, magnified, minified
 from photonormal.calibration.highlight import check_number, check_sizes, darkest_channel, looked_for
 from photonormal.calibration.mirror import directions
 from photonormal.calibration.reflections import Highlight
@@ -213,17 +213,13 @@ def _cast(
     """
     around, corner = Surroundings.of(roots, scale), (place[1].start, place[0].start)
 
-    def enlarged(xy: np.ndarray) -> np.ndarray:
-        return (xy - corner + 0.5) * scale - 0.5
+    def seen(xy: np.ndarray) -> np.ndarray:
+        return magnified(xy - corner, scale)
 
-    def back(xy: np.ndarray) -> np.ndarray:
-        return (xy + 0.5) / scale - 0.5 + corner
-
-    x, y = enlarged(np.array([circle.x, circle.y]))
-    there = faint.agreed(around, replace(circle, x=float(x), y=float(y), r=circle.r * scale), enlarged(highlights))
-    x, y = back(np.array([there.x, there.y]))
-    circle = replace(circle, x=float(x), y=float(y), r=there.r / scale)
-    return circle, back(faint.near(around, there, enlarged(begin)))
+    there = faint.agreed(around, circle.seen_in(place).magnified(scale), seen(highlights))
+    cast = minified(faint.near(around, there, seen(begin)), scale) + corner
+    back = there.minified(scale)
+    return replace(back, x=back.x + corner[0], y=back.y + corner[1]), cast
 
 
 def _as_told(found: FoundCircle, j: int, highlight: Highlight) -> Highlight:

@@ -61,7 +61,7 @@ class Pictures:
 
     def principal(self, among: Bool[np.ndarray, " n"], j: int, rank: int = RANK) -> Float[np.ndarray, "k q"]:
         """Orthonormal pictures that those `among` them but j are combined of, `q` pixels of the middle each."""
-        others = evenly(np.flatnonzero(among & (np.arange(len(among)) != j)), MANY)
+        others = at_most(np.flatnonzero(among & (np.arange(len(among)) != j)), MANY)
         w, V = np.linalg.eigh(self.gram[np.ix_(others, others)])
         w, V = w[-rank:].clip(1e-9), V[:, -rank:]
         return ((V / np.sqrt(w)).T @ self.core[others].reshape(len(others), -1)).astype(np.float32)
@@ -173,7 +173,7 @@ def lay_otherwise(shown: Pictures, put_back: Pictures, moved: Pictures, group: B
 
     Zero where it is not certain that the group lay otherwise. In `moved` the others lie as the group does in `shown`.
     """
-    r, those, others = shown.reach, np.flatnonzero(group).tolist(), evenly(np.flatnonzero(~group), MANY).tolist()
+    r, those, others = shown.reach, np.flatnonzero(group).tolist(), at_most(np.flatnonzero(~group), MANY).tolist()
     U, whole = shown.principal(~group, those[0]), np.diag(shown.gram)
     before, after = (np.sum([p.rest(j, U, r, r) for j in those], axis=0) for p in (shown, put_back))
     change = np.log(after / before)
@@ -193,10 +193,10 @@ def lay_otherwise(shown: Pictures, put_back: Pictures, moved: Pictures, group: B
     return float(change.mean())
 
 
-def evenly(pictures: Int[np.ndarray, " n"], most: int) -> Int[np.ndarray, " m"]:
+def at_most(pictures: Int[np.ndarray, " n"], most: int) -> Int[np.ndarray, " m"]:
     """At most so many of some pictures, evenly spaced.
 
-    >>> evenly(np.arange(7), 3).tolist(), evenly(np.arange(3), 3).tolist()
+    >>> at_most(np.arange(7), 3).tolist(), at_most(np.arange(3), 3).tolist()
     ([0, 3, 6], [0, 1, 2])
     """
     return pictures[:: -(-len(pictures) // most) or 1]

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from photonormal.doctor.laid import at_most
 from photonormal.geometry import normalised
 
 FACING = 0.15  # n.l of what faces a light
@@ -56,7 +57,7 @@ class CastShadows:
         L: Float[np.ndarray, "n 3"],
     ) -> CastShadows:
         low = np.flatnonzero(np.hypot(L[:, 0], L[:, 1]) > LOW)
-        low = low[:: max(1, -(-len(low) // LIGHTS))]
+        low = at_most(low, LIGHTS)
         I, L, size = I[:, low], L[low], np.linalg.norm(b, axis=1, keepdims=True).clip(1e-12)
         N = b / size
         s, nh = N @ L.T, (N @ normalised(L + np.array([0.0, 0.0, 1.0])).T).clip(0, 1)  # (p, m)

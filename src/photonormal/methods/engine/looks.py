@@ -42,7 +42,7 @@ def of_some(capture: Capture, of: Callable[[np.ndarray, int], np.ndarray]) -> np
 
 def refuse_huge(capture: Capture) -> None:
     """InputError where pictures that are decoded one by one are in a unit too small for squares of their samples."""
-    brightest = float(_middle(capture, 0).max(initial=0))
+    brightest = float(_middle_row(capture)(0).max(initial=0))
     if brightest > UNITS[1]:
         raise InputError(
             f"the pictures of {capture.name} reach {brightest:.3g} but single precision needs {UNITS[1]:g} or less; "
@@ -52,8 +52,9 @@ def refuse_huge(capture: Capture) -> None:
 
 def refuse_alike(capture: Capture) -> None:
     """InputError where all pictures show the same, whatever their light, and not just black."""
-    n, first = capture.images.shape[0], _middle(capture, 0)
-    if not first.any() or any((_middle(capture, j) != first).any() for j in range(1, n)):
+    n, row = capture.images.shape[0], _middle_row(capture)
+    first = row(0)
+    if not first.any() or any((row(j) != first).any() for j in range(1, n)):
         return  # as a rule the second picture shows
     shown = of_some(capture, lambda samples, j: samples)
     if (shown == shown[0]).all():
@@ -63,8 +64,10 @@ def refuse_alike(capture: Capture) -> None:
         )
 
 
-def _middle(capture: Capture, j: int) -> Float[np.ndarray, "p c"]:
-    """Samples of picture `j` at the mask's pixels of its middle row."""
+def _middle_row(capture: Capture) -> Callable[[int], Float[np.ndarray, "p c"]]:
+    """What gives the samples of a picture at the mask's pixels of its middle row."""
     lines = np.flatnonzero(capture.mask.any(1))
     row = int(lines[len(lines) // 2])
-    return capture.window(j, slice(row, row + 1), slice(0, capture.mask.shape[1]))[capture.mask[row : row + 1]]
+    rows, columns = slice(row, row + 1), slice(0, capture.mask.shape[1])
+    inside = capture.mask[rows]
+    return lambda j: capture.window(j, rows, columns)[inside]

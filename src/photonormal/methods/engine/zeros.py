@@ -147,12 +147,14 @@ def shading(
 
 def hues(I: Float[Tensor, "p n c"], level: Float[Tensor, "n c"], luma: Float[Tensor, " c"]) -> Float[Tensor, "p c"]:
     """Colour of each pixel, of grey level 1, by its samples that are not zero in all channels."""
-    counts, shown, X = I / level, (I > 0).any(2, keepdim=True), I
-    hue = torch.ones_like(I[:, 0])
-    for _ in range(HUES):
+
+    def of(X: Float[Tensor, "p n c"]) -> Float[Tensor, "p c"]:
         total = X.sum(1)
-        hue = (total / (total @ luma)[:, None].clamp(min=1e-9)).clamp(min=FAINTEST)
-        X = shown * crossed(counts, hue[:, None] / level) * level
+        return (total / (total @ luma)[:, None].clamp(min=1e-9)).clamp(min=FAINTEST)
+
+    counts, shown, hue = I / level, (I > 0).any(2, keepdim=True), of(I)
+    for _ in range(HUES - 1):
+        hue = of(shown * crossed(counts, hue[:, None] / level) * level)
     return hue
 
 
